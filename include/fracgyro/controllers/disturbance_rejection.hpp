@@ -5,9 +5,6 @@
 //
 //        u = r̈ - ω² (q̂ - r) - 2ω (v̂ - ṙ) - f + (D̂₀ + 2Ω̂₀) v̂ + K̂₀ q̂
 //
-//    with r̈ at the held point (reference.hpp). The last two terms are not moved there: the observer holds the model's
-//    acceleration for a step, so f already has what the plant's forces change until the middle of it.
-//
 //    The observer is the one of observer.hpp. With `nominal_model` it contains the nominal plant; without it, no plant,
 //    and the last two terms are missing, so that f is the whole action of the plant.
 //
@@ -129,8 +126,7 @@ struct DisturbanceRejection {
         const Vec2<T>& f = state.observer.acceleration;
         const Vec2<T> coriolis = c.observer.twice_rate * turned(seen.velocity);
         const Vec2<T> plant = c.observer.damping * seen.velocity + coriolis + c.observer.stiffness * seen.position;
-        const Vec2<T> asked = Reference<T>::held(state.reference, c.reference).acceleration;
-        const Vec2<T> wanted = asked - c.position_gain * e.value - c.velocity_gain * e.derivative - f + plant;
+        const Vec2<T> wanted = r.acceleration - c.position_gain * e.value - c.velocity_gain * e.derivative - f + plant;
         Saturation<T>::apply(signals, c.saturation, wanted, e.value);
         if (missing == nullptr) {
             state.force = signals.force;
