@@ -42,6 +42,7 @@ class InternalModel:
         flow[:2, 2:] = np.eye(2)
         flow[2:] = [[-kxx, -kxy, -dxx, coriolis - dxy], [-kxy, -kyy, -dxy - coriolis, -dyy]]
         self.f, self.g = held(flow, np.vstack([np.zeros((2, 2)), np.eye(2)]), h)
+        self.own = self.g * np.tile(np.eye(2), (2, 1))  # a force moves its own axis
         self.step_size, self.limit, self.delay = h, c.force_limit, sheet.delay
         r = scenario.reference
         self.amplitude, self.frequency, self.phase = map(np.array, (r.amplitude, r.frequency, r.phase))
@@ -113,10 +114,13 @@ class InternalModel:
             else:
                 a[:2, 1 + steps] += share * g[:, 0]
         cost = np.zeros((size, size))
-        cost[0, 0] = (usable / h) ** 4
-        price = np.array([[(usable / h) ** -4 * h**-4]])
+        cost[0, 0] = 1.0
+        price = np.array([[usable**-4]])
+        units = np.diag([(h / usable) ** 2, h / usable, *[1.0] * (size - 2)])  # in which SciPy succeeds
+        inverse = np.linalg.inv(units)
+        a, b = inverse @ a @ units, inverse @ b
         x = solve_discrete_are(a, b, cost, price)
-        found: np.ndarray = np.linalg.solve(price + b.T @ x @ b, b.T @ x @ a)[0]
+        found: np.ndarray = np.linalg.solve(price + b.T @ x @ b, b.T @ x @ a)[0] @ inverse
         found[2:4] -= newest
         return found
 
@@ -163,7 +167,7 @@ class InternalModel:
         force: np.ndarray = np.clip(wanted, -self.limit, self.limit)
         self.past = np.hstack([(follows + force - wanted)[:, None], self.past[:, :-1]])
         acts = self.past[:, self.delay]
-        z[:, :2] = (self.f @ z[:, :2].T.ravel() + self.g @ acts).reshape(2, 2).T
+        z[:, :2] = (self.f @ z[:, :2].T.ravel() + self.own @ acts).reshape(2, 2).T
         for i, w in enumerate(self.frequencies):
             z[:, 3 + 2 * i : 5 + 2 * i] = z[:, 3 + 2 * i : 5 + 2 * i] @ turn(w * h).T
         self.n += 1
