@@ -47,7 +47,13 @@ def test_of_a_single_field_the_choices_are_offered() -> None:
 def test_what_is_offered_is_accepted(choice: str) -> None:
     field, _, value = choice.partition("=")
     size = {"amplitude": [1.0, 0.0]}
-    needed: dict[str, dict[str, Any]] = {"pulse": {"width": 1.0, **size}, "sine": size, "step": size, "vibration": {"psd": [[1.0, 1.0], [2.0, 1.0]]}, "table": {"points": [[0.0] * 3]}}
+    needed: dict[str, dict[str, Any]] = {
+        "pulse": {"width": 1.0, **size},
+        "sine": size,
+        "step": size,
+        "vibration": {"psd": [[1.0, 1.0], [2.0, 1.0]]},
+        "table": {"points": [[0.0] * 3]},
+    }
     strength = {f"disturbance.{name}": given for name, given in needed.get(value, {"standard_deviation": 1.0}).items()}
     assert fg.Scenario.paper().replace({field: value, **strength}).disturbance.kind == value
 

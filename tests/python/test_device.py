@@ -95,7 +95,7 @@ def true_rate(scenario: Scenario, recorded: np.ndarray) -> device_oracle.Rate:
     """Omega_z and its slope by the words of the scenario; noise, of no closed form, through what was recorded."""
     r, h = scenario.rate, scenario.run.step
     scales = scenario.plant.scales
-    amplitude, low, high = (a / scales.rate for a in (r.amplitude, r.frequency, r.final_frequency))
+    amplitude, low, high = (a / scales.rate for a in (r.amplitude or 0.0, r.frequency, r.final_frequency))
     start, hold = r.start / scales.time, (r.hold or 0.0) / scales.time
     spline = CubicSpline(h * np.arange(len(recorded)), recorded)
 
@@ -445,7 +445,10 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
     [
         ({"rate.kind": "ramp"}, 'rate.kind is "ramp": it must be constant, step, staircase, sine'),
         ({"rate.kind": "table"}, "rate.points is missing: a table must have points, or a file of them"),
-        ({"rate.points": [[0, 1]]}, 'rate.points is [[0.0, 1.0]]: it needs rate.kind = "table", but rate.kind is "constant"'),
+        (
+            {"rate.points": [[0, 1]]},
+            'rate.points is [[0.0, 1.0]]: it needs rate.kind = "table", but rate.kind is "constant"',
+        ),
         ({"rate.kind": "table", "rate.points": [[0, 1], [0, 2]]}, "pairs [time, value] of finite numbers whose times"),
         ({"rate.kind": "table", "rate.points": [[0, math.inf]]}, "pairs [time, value] of finite numbers whose times"),
         ({"rate.kind": "table", "rate.points": 3}, "rate.points is 3: it must be a list of 1 to 100000 pairs"),
@@ -455,7 +458,10 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
         ),
         ({"rate.start": -1.0}, "rate.start is -1.0: it must be at least 0"),
         ({"rate.kind": "step"}, "rate.amplitude is missing: rate.kind step must have one; 0.0 is allowed"),
-        ({"rate.kind": "staircase", "rate.amplitude": 1.0}, "rate.hold is missing: a staircase must have a time on each level"),
+        (
+            {"rate.kind": "staircase", "rate.amplitude": 1.0},
+            "rate.hold is missing: a staircase must have a time on each level",
+        ),
         (
             {"rate.kind": "staircase", "rate.amplitude": 1.0, "rate.hold": 1e-7},
             "rate.hold is 1e-07: it must be a whole number of run.step",
@@ -465,12 +471,18 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
             'rate.hold is 0.02: it needs rate.kind = "staircase", but rate.kind is "step"',
         ),
         ({"rate.levels": 0}, "rate.levels is 0: it must lie between 1 and 1000000000"),
-        ({"rate.kind": "sine", "rate.amplitude": 1.0}, 'rate.frequency is 0.0: it must be greater than 0 when rate.kind is "sine"'),
+        (
+            {"rate.kind": "sine", "rate.amplitude": 1.0},
+            'rate.frequency is 0.0: it must be greater than 0 when rate.kind is "sine"',
+        ),
         (
             {"rate.kind": "sine", "rate.amplitude": 1.0, "rate.frequency": 4e6},
             "it must be at most pi over the step, which is 3.14159e+06",
         ),
-        ({"rate.kind": "chirp", "rate.amplitude": 1.0, "rate.final_frequency": 4e6}, "rate.final_frequency is 4000000.0: it must be at most"),
+        (
+            {"rate.kind": "chirp", "rate.amplitude": 1.0, "rate.final_frequency": 4e6},
+            "rate.final_frequency is 4000000.0: it must be at most",
+        ),
         ({"rate.amplitude": math.nan}, "rate.amplitude is nan: it must be a finite number"),
         ({"device.sensing": "velocity"}, 'device.sensing is "velocity": it must be full or position'),
         ({"device.position_noise": -1.0}, "device.position_noise is -1.0: it must be at least 0"),

@@ -276,7 +276,10 @@ WRONG: list[tuple[list[Any], str]] = [
     ([1.0], "disturbance is [1.0]: it must be a table or a list of 1 to 64 tables"),
     ([{"kind": "none"}] * 65, "it must be a table or a list of 1 to 64 tables"),
     ([{"kind": "pulse"}], "disturbance.width is missing: a pulse must have one"),
-    ([{"kind": "none", "width": 1.0}], 'disturbance.width is 1.0: it needs disturbance.kind = "pulse", but disturbance.kind is "none"'),
+    (
+        [{"kind": "none", "width": 1.0}],
+        'disturbance.width is 1.0: it needs disturbance.kind = "pulse", but disturbance.kind is "none"',
+    ),
     ([{"kind": "vibration"}], "disturbance.psd is missing: a vibration must have one"),
     ([{"kind": "table"}], "disturbance.points is missing: a table must have points, or a file of them"),
     ([{"kind": "pulse", "width": 1.0}], "disturbance.amplitude is missing: a pulse must have one, [x, y]; zeros are"),
@@ -284,10 +287,13 @@ WRONG: list[tuple[list[Any], str]] = [
     ([{"kind": "noise", "file": "a.csv"}], 'disturbance.file is "a.csv": it needs disturbance.kind = "table"'),
     (
         [{"kind": "step", "amplitude": ["10 g", 0.0]}],
-        'disturbance.amplitude[0] is "10 g": it is a mass; it must be a force such as "1 uN"; disturbance.quantity = '
-        '"acceleration" takes an acceleration',
+        'disturbance[0].amplitude[0] is "10 g": it is a mass; it must be a force such as "1 uN"; disturbance[0].'
+        'quantity = "acceleration" takes an acceleration',
     ),
-    ([{"kind": "step", "amplitude": [1.0, 1.0], "start": 2.0, "end": 2.0}], "disturbance.end is 2.0: it must be greater than disturbance.start"),
+    (
+        [{"kind": "step", "amplitude": [1.0, 1.0], "start": 2.0, "end": 2.0}],
+        "disturbance.end is 2.0: it must be greater than disturbance.start",
+    ),
     ([{"kind": "step", "start": -1.0}], "disturbance.start is -1.0: it must be at least 0"),
     (
         [{"kind": "noise", "density": 1.0, "band": [2.0, 1.0]}],
@@ -314,7 +320,7 @@ WRONG: list[tuple[list[Any], str]] = [
     ),
     ([{"kind": "none"}, {"kind": "none", "seed": 1}], "disturbance[1].seed is not a known field"),
     ([{"kind": "none"}, {"kind": "none", "widht": 1.0}], "did you mean disturbance[1].width?"),
-    ([{"kind": "none"}, {"kind": "pulse"}], 'disturbance[1].kind is "pulse" and disturbance[1].width is missing'),
+    ([{"kind": "none"}, {"kind": "pulse"}], "disturbance[1].width is missing: a pulse must have one"),
     ([{"kind": "none"}, {"kind": "none", "start": -1.0}], "disturbance[1].start is -1.0: it must be at least 0"),
     (
         [{"kind": "none"}, {"kind": "noise", "density": 1.0, "hold": 1.5e-3}],

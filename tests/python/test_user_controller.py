@@ -585,8 +585,8 @@ def test_a_run_that_diverges_blames_the_clock_and_the_gains_of_the_controller() 
         fg.simulate(si, controller=lambda s: tuple(1e3 * np.array(s.position)))
     assert re.fullmatch(
         r"the run diverged at t = 0\.000\d+ s: the gains of <lambda> are too large for run\.step, which is 1e-06 s, or "
-        r'it assumes another sampling time; try run\.step = "5e-07 s" or less, or smaller gains; as run\.units is SI, its '
-        r"samples are in m and m/s, and its force is in N",
+        r'it assumes another sampling time; try run\.step = "5e-07 s" or less, or smaller gains; as run\.units is SI, '
+        r"its samples are in m and m/s, and its force is in N",
         str(said.value),
     )
 

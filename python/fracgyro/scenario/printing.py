@@ -53,7 +53,11 @@ def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
                     continue
                 value = getattr(entry, field)
                 shown = toml_value(value if texts else plain(value))
-                lines += _comment(_described(info, value) if texts and name not in SI_TABLES else info.description or "") if place == 0 else []
+                lines += (
+                    _comment(_described(info, value) if texts and name not in SI_TABLES else info.description or "")
+                    if place == 0
+                    else []
+                )
                 lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
     return "\n".join([*lines, "", END]) + "\n"
 
