@@ -104,7 +104,7 @@ def test_explain_has_unit_range_default_and_kinds() -> None:
     lines = ran("explain", "controller.order").stdout.splitlines()
     assert [line.split()[0] for line in lines[1:]] == ["range", "default", "controllers"]
     assert lines[3].split(maxsplit=1)[1] == "fractional_fast_terminal, fractional, fast_terminal, linear"
-    assert "unit         kg" in ran("explain", "plant.mass").stdout
+    assert "unit        kg" in ran("explain", "plant.mass").stdout
     for typo in ("ordr", "controller.ordr"):
         assert "did you mean controller.order?" in str(ran("explain", typo).exception)
 

@@ -95,7 +95,7 @@ def true_rate(scenario: Scenario, recorded: np.ndarray) -> device_oracle.Rate:
     """Omega_z and its slope by the words of the scenario; noise, of no closed form, through what was recorded."""
     r, h = scenario.rate, scenario.run.step
     scales = scenario.plant.scales
-    amplitude, low, high = (a / scales.rate for a in (r.amplitude, r.frequency, r.final_frequency))
+    amplitude, low, high = (a / scales.rate for a in (r.amplitude or 0.0, r.frequency, r.final_frequency))
     start, hold = r.start / scales.time, (r.hold or 0.0) / scales.time
     spline = CubicSpline(h * np.arange(len(recorded)), recorded)
 

@@ -287,8 +287,8 @@ WRONG: list[tuple[list[Any], str]] = [
     ([{"kind": "noise", "file": "a.csv"}], 'disturbance.file is "a.csv": it needs disturbance.kind = "table"'),
     (
         [{"kind": "step", "amplitude": ["10 g", 0.0]}],
-        'disturbance.amplitude[0] is "10 g": it is a mass; it must be a force such as "1 uN"; disturbance.quantity = '
-        '"acceleration" takes an acceleration',
+        'disturbance[0].amplitude[0] is "10 g": it is a mass; it must be a force such as "1 uN"; disturbance[0].'
+        'quantity = "acceleration" takes an acceleration',
     ),
     (
         [{"kind": "step", "amplitude": [1.0, 1.0], "start": 2.0, "end": 2.0}],
@@ -320,7 +320,7 @@ WRONG: list[tuple[list[Any], str]] = [
     ),
     ([{"kind": "none"}, {"kind": "none", "seed": 1}], "disturbance[1].seed is not a known field"),
     ([{"kind": "none"}, {"kind": "none", "widht": 1.0}], "did you mean disturbance[1].width?"),
-    ([{"kind": "none"}, {"kind": "pulse"}], 'disturbance[1].kind is "pulse" and disturbance[1].width is missing'),
+    ([{"kind": "none"}, {"kind": "pulse"}], "disturbance[1].width is missing: a pulse must have one"),
     ([{"kind": "none"}, {"kind": "none", "start": -1.0}], "disturbance[1].start is -1.0: it must be at least 0"),
     (
         [{"kind": "none"}, {"kind": "noise", "density": 1.0, "hold": 1.5e-3}],

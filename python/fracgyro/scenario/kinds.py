@@ -10,11 +10,10 @@ from itertools import groupby
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
-from pydantic.fields import FieldInfo
 
 from .. import _core
 from .scales import si_unit
-from .table import as_tuple, choice_pair, field
+from .table import as_tuple, choice_pair, field, without_default
 
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
@@ -136,14 +135,7 @@ def table_fields(table: str, *, derived: bool = False, unset: tuple[str, ...] = 
         else:
             meanings = "; ".join(f"{kind}: {parts[0].meaning}" for kind, parts in kinds.items())
             found[name] = (Any, field(None, meanings))
-    return found | {name: _unset(*found[name]) for name in unset}
-
-
-def _unset(annotation: Any, info: FieldInfo) -> tuple[Any, Any]:
-    """A field without limits that may be left out and has no default."""
-    extra = info.json_schema_extra
-    unit = str(extra["unit"]) if isinstance(extra, dict) else "1"
-    return annotation | None, field(None, info.description or "", unit=unit)
+    return found | {name: without_default(*found[name]) for name in unset}
 
 
 @lru_cache
@@ -175,7 +167,7 @@ def si_table_fields(table: str, instead: Mapping[str, Definitions], unset: tuple
     listed = [number for number in DEVICE_NUMBERS if number.table == table and _stated(number) and not number.choices]
     for name, parts in groupby(listed, lambda number: number.field):
         found |= instead.get(name) or {name: _si_field(list(parts))}
-    return found | {name: _unset(*found[name]) for name in unset}
+    return found | {name: without_default(*found[name]) for name in unset}
 
 
 def plant_fields() -> Definitions:

@@ -21,6 +21,7 @@ from pydantic import (
     WithJsonSchema,
     field_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError
 
 from ..files import cut
@@ -90,6 +91,13 @@ def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> 
     `unit` is a keyword of its own in JSON Schema, and a column of docs/reference.md.
     """
     return Field(default, description=description, json_schema_extra={"unit": unit} if unit != "1" else None, **limits)
+
+
+def without_default(annotation: Any, info: FieldInfo) -> tuple[Any, Any]:
+    """A field without limits that may be left out and has no default."""
+    extra = info.json_schema_extra
+    unit = str(extra["unit"]) if isinstance(extra, dict) else "1"
+    return annotation | None, field(None, info.description or "", unit=unit)
 
 
 @dataclass(frozen=True)
