@@ -45,7 +45,8 @@ def followed(scenario: Scenario, figures: Any) -> list[Any]:
 def left_out(scenario: Scenario, figures: Any, transient: float) -> str:
     """The reason why `shown` leaves metrics out."""
     *names, last = ["rmse steady", *(name for name in STEADY if name in figures)]
-    return f"run.duration is {scenario.run.duration:g}: {', '.join(names)} and {last} need samples from {transient:g}/ω0 on."
+    needing = f"{', '.join(names)} and {last}"
+    return f"run.duration is {scenario.run.duration:g}: {needing} need samples from {transient:g}/ω0 on."
 
 
 def plain(values: Any, cell: Cell) -> Any:

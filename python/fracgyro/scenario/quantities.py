@@ -63,8 +63,8 @@ class Units:
 def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """The tables of a scenario with numbers for all text with units.
 
-    If `units` is SI, plain numbers of nondimensional fields and of files are in SI, too. A Wrong is in the place of
-    text in a unit that its field does not have, and of the rows of a file that has none.
+    If `units` is SI, plain numbers of nondimensional fields and of files are in SI, too. A Wrong replaces text
+    in a unit that its field does not have, and the rows of a file that has none.
     """
     tables = {name: table for name, table in given.items() if name != "units"}
     units = given.get("units", "nondimensional")
@@ -223,7 +223,7 @@ def _number(units: Units, si: bool, value: Any, unit: str, path: str) -> Any:
 
 
 def _or_acceleration(units: Units, text: str, unit: str, path: str) -> str:
-    """Hint for an acceleration in the place of a force; empty for other text."""
+    """Hint for an acceleration instead of a force; empty for other text."""
     table, _, field = path.partition(".")
     if table.startswith("disturbance") and FORCE in unit:
         with contextlib.suppress(UnitError):
