@@ -272,7 +272,10 @@ def test_lists_of_tables_differ_field_by_field() -> None:
 
 
 WRONG: list[tuple[list[Any], str]] = [
-    ([], 'disturbance is []: it must be a table or a list of 1 to 64 tables; kind = "none" leaves the disturbance out'),
+    (
+        [],
+        'disturbance is []: it must be a table or a list of 1 to 64 tables; a table with kind = "none" switches it off',
+    ),
     ([1.0], "disturbance is [1.0]: it must be a table or a list of 1 to 64 tables"),
     ([{"kind": "none"}] * 65, "it must be a table or a list of 1 to 64 tables"),
     ([{"kind": "pulse"}], "disturbance.width is missing: a pulse must have one"),

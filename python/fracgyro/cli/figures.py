@@ -44,9 +44,9 @@ def followed(scenario: Scenario, figures: Any) -> list[Any]:
 
 def left_out(scenario: Scenario, figures: Any, transient: float) -> str:
     """The reason why `shown` leaves metrics out."""
-    names = ", ".join(["rmse steady", *(name for name in STEADY[:-1] if name in figures)])
-    names += " and " + STEADY[-1] if STEADY[-1] in figures else ""
-    return f"run.duration is {scenario.run.duration:g}: {names} need samples from {transient:g}/ω0 on."
+    *names, last = ["rmse steady", *(name for name in STEADY if name in figures)]
+    needing = f"{', '.join(names)} and {last}"
+    return f"run.duration is {scenario.run.duration:g}: {needing} need samples from {transient:g}/ω0 on."
 
 
 def plain(values: Any, cell: Cell) -> Any:

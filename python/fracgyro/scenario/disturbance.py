@@ -165,7 +165,7 @@ class Disturbance(Entry):
             if not 1 <= len(values) <= MAX_ENTRIES or not all(isinstance(entry, Mapping | Entry) for entry in values):
                 raise message_error(
                     f"disturbance is {toml_value(values)}: it must be a table or a list of 1 to {MAX_ENTRIES} tables; "
-                    'kind = "none" leaves the disturbance out'
+                    'a table with kind = "none" switches it off'
                 )
             first, *added = (dict(entry) for entry in values)
             values = {**first, "added": added} if added else first

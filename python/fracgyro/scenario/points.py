@@ -22,7 +22,7 @@ from .units import EXACT, Quantity, UnitError
 MAX_POINTS = 100_000
 NUMBERS = {1: "one", 2: "two", 3: "three"}
 LISTS = {2: "pairs", 3: "triples"}
-HEAD = re.compile(r"(\w+)(?: *\((.+)\))?")  # a column's name, and its unit
+HEAD = re.compile(r"(\w+)(?: *\((.+)\))?")  # head of a column: its name, and a unit
 PLURALS = {"time": "times", "frequency": "frequencies"}
 
 

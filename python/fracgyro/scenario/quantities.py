@@ -63,8 +63,8 @@ class Units:
 def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """The tables of a scenario with numbers for all text with units.
 
-    If `units` is SI, plain numbers of nondimensional fields and of files are in SI, too. A Wrong stands for
-    text in a unit that its field does not have, and for the rows of a file without units.
+    If `units` is SI, plain numbers of nondimensional fields and of files are in SI, too. A Wrong replaces text
+    in a unit that its field does not have, and the rows of a file that has none.
     """
     tables = {name: table for name, table in given.items() if name != "units"}
     units = given.get("units", "nondimensional")

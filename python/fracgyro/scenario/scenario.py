@@ -261,7 +261,7 @@ class Scenario(Table):
         return self.replace({"reference.kind": "table", "reference.points": points})
 
     def with_disturbance(self, function: Function, every: int = 1) -> Scenario:
-        """A copy with a force added that is a function of time: `function(time)` returns (x, y), in units of run.units.
+        """A copy with a force added that is a function of time: `function(time)` returns (x, y), in run.units.
 
         It becomes a table of its values at every `every`-th step, linear in between and zero after the run, and adds to
         the disturbance. Raises ScenarioError if a value is not two finite numbers, or for more than 100,000 rows.
