@@ -17,6 +17,7 @@ from collections.abc import Callable
 
 import fracgyro as fg
 import numpy as np
+from fracgyro.scenario.to_core import datasheet
 from oracle import symmetric
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
@@ -35,8 +36,11 @@ def simulate(
 ) -> dict[str, np.ndarray]:
     """Histories of a nondimensional run; all arrays (samples, 2)."""
     device, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
-    law = fg.Controller(scenario.replace({"device": fg.Scenario().device}))
     observer = Observer(scenario) if device.sensing == "position" else None
+    known = datasheet(scenario)
+    velocity = observer.gain[1] * known.position_noise if observer else known.velocity_noise
+    noise = {"datasheet.position_noise": known.position_noise, "datasheet.velocity_noise": velocity}
+    law = fg.Controller(scenario.replace({"device": fg.Scenario().device, **noise}))
     waiting = deque([np.zeros(2)] * device.delay)
     move = plant(scenario, rate, rate_bias)
     sensed = np.diag(1 + np.array(device.pickoff_gain_error)) @ rotation(device.pickoff_misalignment).T

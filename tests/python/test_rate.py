@@ -119,7 +119,7 @@ def test_a_shipped_scenario_is_printed_with_its_sources(tmp_path: Path) -> None:
 
 
 def test_an_unknown_scenario_is_refused() -> None:
-    assert "'dual_mas' is not one of" in sentence(run("scenario", "dual_mas"))
+    assert "did you mean dual_mass?" in sentence(run("scenario", "dual_mas"))
     with pytest.raises(ScenarioError, match=r"it must be one of paper, .*; did you mean dual_mass"):
         fg.Scenario.shipped("dual_mas")
 

@@ -215,7 +215,7 @@ def test_infinite_force_means_no_limit_and_travels_through_toml() -> None:
         {"disturbance.hold": 7e-3},
         {"disturbance.hold": 1e-3 * (1 + 5e-10)},
         {"disturbance.kind": "none", "disturbance.hold": 1.5e-3},  # nothing is held
-        {"disturbance.kind": "sine", "disturbance.standard_deviation": None},
+        {"disturbance.kind": "sine", "disturbance.standard_deviation": None, "disturbance.amplitude": (0.0, 0.0)},
         {"run.duration": 1e-3},
         {"run.duration": 1000.0},
         {"controller.kind": "linear", "run.duration": 1e5},
@@ -355,10 +355,13 @@ BAD = [
     ({"disturbance.hold": 1e34}, "disturbance.hold is 1e+34: it must be at most 1000000000 steps of 0.001"),
     ({"disturbance.hold": 1e308}, "disturbance.hold is 1e+308: it must be at most 1000000000 steps of 0.001"),
     (
-        {"rate.kind": "staircase", "rate.hold": 1e300},
+        {"rate.kind": "staircase", "rate.amplitude": 1.0, "rate.hold": 1e300},
         "rate.hold is 1e+300: it must be at most 1000000000 steps of 1e-06",
     ),
-    ({"rate.kind": "step", "rate.start": 1e16}, "rate.start is 1e+16: it must be at most 1000000000 steps of 1e-06"),
+    (
+        {"rate.kind": "step", "rate.amplitude": 1.0, "rate.start": 1e16},
+        "rate.start is 1e+16: it must be at most 1000000000 steps of 1e-06",
+    ),
     ({"rate.levels": 2**63}, "rate.levels is 9223372036854775808: it must lie between 1 and 1000000000"),
     (
         {"reference.frequency": (1.0, 1e300)},
