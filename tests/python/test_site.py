@@ -45,7 +45,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def make(folder: Path) -> None:
-    words = ["-c", ROOT / "docs/site", "-W", "--keep-going", "-q", "-D", "plot_gallery=0"]
+    words = ["-c", ROOT / "docs/site", "-W", "--keep-going", "-q", "-D", "plot_gallery=0", "-d", folder / "doctrees"]
     for command in (
         [ROOT / "docs/site/pages.py", folder / "source"],
         ["-m", "sphinx", *words, folder / "source", folder / "html"],
