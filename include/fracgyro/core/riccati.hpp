@@ -17,8 +17,6 @@
 
 #include "fracgyro/core/expm.hpp"
 
-#include <utility>
-
 namespace fracgyro {
 
 // The first rows and columns of a square matrix, for sizes known only at run time.
@@ -77,8 +75,12 @@ void solve(LeadingMatrix<Room> a, std::array<std::array<double, Columns>, Room>&
         for (std::size_t k = i + 1; k < a.size; ++k) {
             pivot = absolute(a[k][i]) > absolute(a[pivot][i]) ? k : pivot;
         }
-        std::swap(a[i], a[pivot]);
-        std::swap(right[i], right[pivot]);
+        const auto row = a[i];
+        a[i] = a[pivot];
+        a[pivot] = row;
+        const auto known = right[i];
+        right[i] = right[pivot];
+        right[pivot] = known;
         for (std::size_t k = i + 1; k < a.size; ++k) {
             const double factor = a[k][i] / a[i][i];
             for (std::size_t j = i + 1; j < a.size; ++j) {
