@@ -45,6 +45,7 @@ inline const std::map<std::string, Switch> switches{
     {"controller.switching_limit", {std::numeric_limits<double>::infinity(), 0.5, 0.25}},
     {"controller.terminal_exponent", {0.5, 0.7, 0.25}},
     {"controller.rate_law", {0.0, 1.0, 1.0}},
+    {"controller.feedforward", {0.0, 1.0, 1.0}},
     {"adaptation.leakage", {0.0, 1.0, 2.0}},
     {"adaptation.dead_zone", {0.0, 0.5, 0.25}},
     {"adaptation.projection", {0.0, 0.5, 0.25}},

@@ -32,6 +32,12 @@ const std::map<std::string, Switch> switches_of_the_filter{
     {"datasheet.damping_drift", {0.0, 1.0, 2.0}},
 };
 
+// The surface is given a smoother error if positions are noisy.
+const std::map<std::string, Switch> switches_of_memory{
+    {"datasheet.position_noise", {0.0, 1.0, 2.0}},
+};
+bool remembers(std::string_view kind) { return kind.starts_with("fractional"); }
+
 struct Kind {
     fracgyro::Setup setup;
     std::map<std::string, Switch> switches;  // that it has
@@ -52,17 +58,23 @@ std::vector<Kind> every_kind() {
         if (std::ranges::find(sliding_modes, kind) == std::end(sliding_modes)) {
             some.insert(switches_of_others.begin(), switches_of_others.end());
         }
+        if (remembers(kind)) {
+            some.insert(switches_of_memory.begin(), switches_of_memory.end());
+        }
         if (kind == "lqg") {
             some.insert(switches_of_the_filter.begin(), switches_of_the_filter.end());
         }
         add(paper(2000, kind), some);
     }
     for (const std::string_view kind : sliding_modes) {
-        EXPECT_EQ(all[kind_of(kind)].switches.size(), switches.size());
+        EXPECT_EQ(all[kind_of(kind)].switches.size(), switches.size() + (remembers(kind) ? 1 : 0));
         fracgyro::Setup setup = paper(2000, kind);
         law(setup).adaptation.kind = AdaptationKind::composite;
         auto more = switches;
         more.insert(switches_of_composite.begin(), switches_of_composite.end());
+        if (remembers(kind)) {
+            more.insert(switches_of_memory.begin(), switches_of_memory.end());
+        }
         add(setup, more);
     }
     EXPECT_EQ(all[kind_of("pid")].switches.size(), 3U);
