@@ -65,22 +65,25 @@ struct Consistency {
     struct Known {
         Row value{}, variance = filled(T(unknown));
     };
+    struct Delay {
+        T late{}, lost{};     // samples for which a delay is still suspected; 1: as of the last
+        T along{}, square{};  // means of r ℓ/S and ℓ²/S
+    };
     struct State {
         T squares = T(1.0), along{}, sensitivity{};  // means of r²/S, r g/S, g²/S
         T now{}, explained{};                        // part explained by ε, and its slow mean
         std::array<T, 4> last{}, rise{};             // residual, and its last change
         T beyond{}, jumped{};                        // samples beyond the limit in a row; 1: a jump is among them
         T refused{};                                 // 1: the last sample was rejected
-        T late{}, lost{};                            // samples for which a delay is still suspected; 1: as of the last
-        T along_delay{}, delay{};                    // means of r ℓ/S and ℓ²/S
-        T inconsistent{};                            // 1: excess is beyond its limit
-        T lasting{};                                 // inconsistent samples, less consistent ones
-        std::array<T, 2> futile{};                   // min and max excess with which relearning began
-        T moved{}, most{};                           // 1: not compared since; maximum explained by ε since
-        T doubted{}, learning{};   // samples since the first disagreement, and since the last or the start
-        T agreed{};                // samples in a row
-        T age{};                   // age of the window, samples
-        Known before{}, recent{};  // estimates, one to two windows old and up to one
+        Delay delay{};
+        T inconsistent{};           // 1: excess is beyond its limit
+        T lasting{};                // inconsistent samples, less consistent ones
+        std::array<T, 2> futile{};  // min and max excess with which relearning began
+        T moved{}, most{};          // 1: not compared since; maximum explained by ε since
+        T doubted{}, learning{};    // samples since the first disagreement, and since the last or the start
+        T agreed{};                 // samples in a row
+        T age{};                    // age of the window, samples
+        Known before{}, recent{};   // estimates, one to two windows old and up to one
     };
 
     // `turn`: windows in the mean of `explained`; `start`: samples before anything is trusted; `longest`: maximum
@@ -107,7 +110,7 @@ struct Consistency {
     // A rate that turns faster than the filter follows is explained only in part: the rest of r²/S may also be due to
     // it.
     static T variance(const State& state, const Coefficients& c, T stated) {
-        const T if_late = if_less(T(0.0), state.late, T(max_innovation * max_innovation), T(1.0));
+        const T if_late = if_less(T(0.0), state.delay.late, T(max_innovation * max_innovation), T(1.0));
         return if_late * (stated * maximum(excess(state), T(1.0))) + of_rate(state, c, state.squares - T(max_excess));
     }
     // 1 while the estimates may be trusted as far as the innovations show.
@@ -125,8 +128,8 @@ struct Consistency {
     static T refused(const State& state) { return state.refused; }
 
     // 1 while the force may be later than the filter assumes, and 1 if the last sample was the first to show it.
-    static T late(const State& state) { return if_less(T(0.0), state.late, T(1.0), T(0.0)); }
-    static T lost(const State& state) { return state.lost; }
+    static T late(const State& state) { return if_less(T(0.0), state.delay.late, T(1.0), T(0.0)); }
+    static T lost(const State& state) { return state.delay.lost; }
 
     // One sample: residuals, their precisions 1/S, g, and the effect of one more step of delay: ℓ, and that of the last
     // change of the force. Returns 1 if it is learned from.
@@ -153,20 +156,20 @@ struct Consistency {
             state.last[i] = residual[i];
             state.rise[i] = rise;
         }
-        state.lost = far * (one - farther) * (one - suspects);
-        const T shown = state.along_delay * maximum(state.along_delay, zero);
-        const T still = if_less(T(max_chance) * c.weight * state.delay, shown, suspects, zero);
-        state.late = if_less(zero, state.lost + still, c.agreement, maximum(state.late - one, zero));
-        far = if_less(zero, state.lost + suspects, farther, far);
-        state.refused = maximum(if_less(state.beyond, T(max_refused), far, zero), state.lost);
+        state.delay.lost = far * (one - farther) * (one - suspects);
+        const T shown = state.delay.along * maximum(state.delay.along, zero);
+        const T still = if_less(T(max_chance) * c.weight * state.delay.square, shown, suspects, zero);
+        state.delay.late = if_less(zero, state.delay.lost + still, c.agreement, maximum(state.delay.late - one, zero));
+        far = if_less(zero, state.delay.lost + suspects, farther, far);
+        state.refused = maximum(if_less(state.beyond, T(max_refused), far, zero), state.delay.lost);
         const T learns = one - state.refused;
         const auto follow = [&](T& mean, T weight, T now) {  // a rejected square may be infinite
             mean = if_less(zero, learns, mean + weight * (now - mean), mean);
         };
         state.beyond = far * minimum(state.beyond + one, T(max_refused));
         state.jumped = far * maximum(state.jumped, bent);
-        follow(state.along_delay, c.weight, along_delay);
-        follow(state.delay, c.weight, delay);
+        follow(state.delay.along, c.weight, along_delay);
+        follow(state.delay.square, c.weight, delay);
         follow(state.squares, c.weight, c.per_sensor * squares);
         follow(state.along, c.weight, along);
         follow(state.sensitivity, c.weight, gain);

@@ -26,7 +26,7 @@ consteval std::size_t count_members() {
 template <class Struct, class Visit>
 constexpr decltype(auto) with_members(Struct& value, Visit&& visit) {
     constexpr std::size_t count = count_members<std::remove_const_t<Struct>>();
-    static_assert(count <= 21);
+    static_assert(count <= 22);
     if constexpr (count == 0) {
         return visit();
     } else if constexpr (count == 1) {
@@ -92,6 +92,9 @@ constexpr decltype(auto) with_members(Struct& value, Visit&& visit) {
     } else if constexpr (count == 21) {
         auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u);
+    } else if constexpr (count == 22) {
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v] = value;
+        return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v);
     }
 }
 
