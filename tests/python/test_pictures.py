@@ -198,7 +198,7 @@ def test_frequency_responses_are_drawn_together_in_a_column(tmp_path: Path) -> N
     names = ["paper, x", "paper, y", "PID, x", "PID, y"]
     assert [line.get_label() for line in figure.axes[0].lines] == names
     looks = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines}
-    assert len(looks) == 4, "each can be told apart"
+    assert len(looks) == 4, "each looks different"
     write_plot(responses, tmp_path / "bode.svg", width="89 mm")
     picture = ElementTree.parse(tmp_path / "bode.svg").getroot()
     assert {"frequency (rad/s)", "gain", "(dB)", "phase", "(deg)", *names} <= set(texts(picture))

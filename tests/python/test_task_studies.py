@@ -65,11 +65,11 @@ def test_figures_over_seeds_are_the_means_of_those_of_each_run(name: str, tmp_pa
     assert set(runs[0]) == set(available(scenario, own=False)) <= set(TASK_METRICS)
     for column in runs[0]:
         figure, _, axis = column.rpartition("_") if column[-2:] in ("_x", "_y") else (column, "", "")
-        told = printed[figure][axis] if axis else printed[figure]
+        stated = printed[figure][axis] if axis else printed[figure]
         each = [run[column] for run in runs]
         never = sum(map(math.isnan, each))
-        assert told.get("never", 0) == never
-        assert never or told["mean"] == pytest.approx(np.mean(each), rel=1e-12)
+        assert stated.get("never", 0) == never
+        assert never or stated["mean"] == pytest.approx(np.mean(each), rel=1e-12)
 
 
 def test_a_sweep_has_the_figures_of_each_run_as_columns_and_on_its_page(tmp_path: Path) -> None:

@@ -72,14 +72,14 @@ struct InternalModelDesign {
         c.find_frequencies(common.reference, 1e-4 * p.learning_bandwidth);
         const auto delay = static_cast<double>(p.datasheet.delay);
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            Matrix<3> alone{};
-            alone[0][1] = alone[1][2] = 1.0;
-            alone[1][0] = -of(k.diagonal, axis) * h * h;
-            alone[1][1] = -of(d.diagonal, axis) * h;
-            alone = expm(alone, 1.0);
-            c.design_feedback(axis, alone, usable(p.loop_bandwidth, delay),
+            Matrix<3> decoupled{};
+            decoupled[0][1] = decoupled[1][2] = 1.0;
+            decoupled[1][0] = -of(k.diagonal, axis) * h * h;
+            decoupled[1][1] = -of(d.diagonal, axis) * h;
+            decoupled = expm(decoupled, 1.0);
+            c.design_feedback(axis, decoupled, usable(p.loop_bandwidth, delay),
                               static_cast<std::size_t>(p.datasheet.delay));
-            c.design_filter(axis, alone, p, k, velocity_measured);
+            c.design_filter(axis, decoupled, p, k, velocity_measured);
             c.design_feedforward(common, axis, delay);
         }
         return c;

@@ -125,8 +125,8 @@ def _draw_over_time(
         for label, each in having.items():
             draw(panel, each, name, columns, units, Own(label, own[label]) if several else None)
         first = next(iter(having.values()))
-        alone = len(columns) == 1 and width_of(first, name) > 1
-        words = NAMES.get(name, name.replace("_", " ")) + (f" {labels(first, name)[columns[0]]}" if alone else "")
+        single = len(columns) == 1 and width_of(first, name) > 1
+        words = NAMES.get(name, name.replace("_", " ")) + (f" {labels(first, name)[columns[0]]}" if single else "")
         panel.set_ylabel(words + (f"\n({units[1].unit})" if units[1].unit else ""))
         if spike := clip(panel, list(having.values()), name, columns, units):
             panel.set_title(spike, loc="left", fontsize=letters, pad=3)

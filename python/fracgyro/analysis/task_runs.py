@@ -68,8 +68,8 @@ def measure_tasks(
     short for it.
     """
     wanted = list(tasks)
-    told = None if wanted else progress
-    found = measure_many(scenarios, seeds=seeds, controller=controller, plant=plant, progress=told, **thresholds)
+    bar = None if wanted else progress
+    found = measure_many(scenarios, seeds=seeds, controller=controller, plant=plant, progress=bar, **thresholds)
     if not wanted:
         return found
     runs = found.sizes["run"]
