@@ -604,7 +604,7 @@ TEST(Joint, AHiddenDelayOfExactSensorsCostsNoMoreThanAKnownOneAndIsNotTrusted) {
     a.delay = 1;
     Loop<Both<double>> loop(a);
     loop.run(20000);
-    EXPECT_GT(loop.state.adaptation.agreement.late, 0.0);
+    EXPECT_GT(loop.state.adaptation.agreement.delay.late, 0.0);
     EXPECT_EQ(loop.trusted(), 0.0);
     EXPECT_LT(std::abs(loop.rate() - a.plant.rate), 4.0 * loop.deviation());
     const double hidden = tracking_error_of<Both<double>>(a, true);
