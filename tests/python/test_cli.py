@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import click
 import fracgyro as fg
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ import xarray as xr
 from children import PATIENCE
 from click.testing import CliRunner
 from fracgyro.cli import cli
+from fracgyro.cli.main import COMMANDS
 from fracgyro.scenario.table import toml_value
 
 SHORT = ("--set", "run.duration=2.0")
@@ -222,15 +224,35 @@ NAMES = [
 NAMES += ["sweep", "tune"]
 
 
-def test_help_loads_neither_the_reproduction_nor_the_comparison() -> None:
+def loaded_by(*words: str) -> list[str]:
+    """Names of modules that a command has imported when it ends."""
     code = """
 import sys, fracgyro.cli
-sys.argv = ["fracgyro", "--help"]
 try: fracgyro.cli.main()
-finally: print(*(name for name in sys.modules if name.startswith("fracgyro_lab") or name in ("matplotlib", "optuna")))
+finally: print("\\n", *sys.modules)
 """
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
-    assert ran.stdout.splitlines()[-1].split() == ["fracgyro_lab", "fracgyro_lab.commands"]
+    ran = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=PATIENCE)
+    return ran.stdout.splitlines()[-1].split()
+
+
+def test_help_loads_nothing_that_takes_long() -> None:
+    loaded = loaded_by("--help")
+    assert [name for name in loaded if name.startswith("fracgyro_lab")] == ["fracgyro_lab", "fracgyro_lab.commands"]
+    assert not {"matplotlib", "numpy", "optuna", "pydantic", "scipy", "xarray"} & set(loaded)
+
+
+def test_a_run_loads_no_library_of_other_arrays() -> None:
+    loaded = loaded_by("simulate", "paper", "--set", "run.duration=0.1")
+    assert "xarray" in loaded
+    assert not {"dask.array", "pint", "sparse"} & set(loaded)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_every_command_is_where_the_list_says(name: str) -> None:
+    context = click.Context(cli, info_name="fracgyro")
+    command = cli.get_command(context, name)
+    assert command is not None
+    assert command.name == name
 
 
 def test_output_that_cannot_be_written_is_said_in_one_sentence() -> None:

@@ -8,8 +8,6 @@ from typing import Any, get_args
 import click
 from click.shell_completion import CompletionItem
 
-from ..scenario.shipped import NAMES
-
 
 def changes(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """FIELD= for every field with this beginning; the choices if there is only one field."""
@@ -42,6 +40,8 @@ def fields(context: click.Context, parameter: click.Parameter, begun: str) -> li
 
 def scenarios(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """Names of shipped scenarios and TOML files with this beginning."""
+    from ..scenario.shipped import NAMES
+
     names = [CompletionItem(name, help=words) for name, words in NAMES.items() if name.startswith(begun)]
     return [*toml_files(context, parameter, begun), *names]
 

@@ -15,21 +15,33 @@ from ..extras import MissingExtraError
 from ..files import one_line, reason
 from .bugs import bug, foreseen
 from .commands import Commands, help_without_command
-from .editors import schema_command
-from .export import export, replay
-from .inspect import check, diff, explain
-from .live import live_command
-from .rate import allan_command, rate
-from .selfcheck import selfcheck
-from .simulate import scenario_command, simulate_command
-from .study import sweep, tune
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 
 
+# By name: where the command is, and its line in the list of commands.
+COMMANDS = {
+    "allan": ("rate:allan_command", "Find the noise terms in a record of a gyroscope at rest."),
+    "check": ("inspect:check", "Check a scenario without running it."),
+    "diff": ("inspect:diff", "Print the fields in which two scenarios differ."),
+    "explain": ("inspect:explain", "Explain a field, a metric or a channel."),
+    "export": ("export:export", "Export to firmware, FMU, FPGA, MATLAB or WebAssembly."),
+    "live": ("live:live_command", "Simulate in the browser, with controls that act at once."),
+    "rate": ("rate:rate", "Measure a scenario as a rate sensor."),
+    "replay": ("export:replay", "Run a recorded motion on a target and compare bits."),
+    "scenario": ("simulate:scenario_command", "Print a scenario, to edit and run."),
+    "schema": ("editors:schema_command", "Print the JSON Schema of a scenario or of a study."),
+    "selfcheck": ("selfcheck:selfcheck", "Recompute the published parity hashes."),
+    "simulate": ("simulate:simulate_command", "Simulate a scenario and print its metrics."),
+    "sweep": ("study:sweep", "Run every scenario of a study."),
+    "tune": ("study:tune", "Search for the best parameters of a study."),
+}
+
+
 @click.group(
     cls=Commands,
+    known=COMMANDS,
     registered="fracgyro.commands",
     context_settings={"help_option_names": ["-h", "--help"]},
     invoke_without_command=True,
@@ -39,26 +51,6 @@ INTERRUPTED = 130
 def cli(context: click.Context) -> None:
     """Simulate, study and export a fractional sliding-mode controller for MEMS gyroscopes."""
     help_without_command(context)
-
-
-COMMANDS = (
-    allan_command,
-    check,
-    diff,
-    explain,
-    export,
-    live_command,
-    rate,
-    replay,
-    scenario_command,
-    schema_command,
-    selfcheck,
-    simulate_command,
-    sweep,
-    tune,
-)
-for command in COMMANDS:
-    cli.add_command(command)
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ import click
 from ..extras import needs
 from ..scenario.messages import did_you_mean
 from ..scenario.named import named
+from .arrays import plain_arrays
 from .options import controller_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 
@@ -82,6 +83,8 @@ def rate(
     as_json: bool,
 ) -> None:
     """Measure SCENARIO as a rate sensor. Report scale factor, Allan deviation, bandwidth, grade and more."""
+    if controller is None:
+        plain_arrays()
     from ..rate import characterise
     from ..rate.require import required
 

@@ -21,6 +21,7 @@ from ..scenario.shipped import NAMES, SHIPPED, shipped_text
 from ..scenario.to_core import core_setup
 from ..simulation.user_controller import ControllerLike, controller_name
 from ..simulation.user_plant import PlantLike, UserPlant
+from .arrays import plain_arrays
 from .completion import changes, scenarios
 from .figures import Cell, followed, left_out, of_one, of_seeds, plain, reported, rows, shown
 from .options import controller_option, own_controller, own_plant, scenario_argument
@@ -59,6 +60,8 @@ def simulate_command(
     as_json: bool,
 ) -> None:
     """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
+    if controller is None and plant is None:  # a user's file may use any array
+        plain_arrays()
     from ..analysis.metrics import TRANSIENT
 
     wanted = dict(map(_change, changes))
