@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fracgyro import _core
 from fracgyro.scenario.to_core import core_setup
-from reference_oracle import motion
+from law_oracles import Resonant
 
 STEPS = 4000
 SHORT = fg.Scenario.paper().replace({"controller.kind": "resonant", "run.duration": STEPS * 1e-3})
@@ -25,53 +25,6 @@ REFERENCES: dict[str, dict[str, Any]] = {
     "sines": {"reference.kind": "sines", "reference.terms": TERMS},
     "step": {"reference.kind": "step", "reference.start": 0.5, "reference.smoothing": 0.1},
 }
-
-
-class Resonant:
-    """The law in a fixed frame: a and b multiply cos wt and sin wt, which the core never computes."""
-
-    def __init__(self, frequencies: list[float]) -> None:
-        self.w = np.array(frequencies)
-
-    def reset(self, scenario: fg.Scenario) -> None:
-        self.scenario, c, h = scenario, scenario.controller, scenario.run.step
-        self.square, self.damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
-        self.integral_step = h * c.integral_frequency * self.square
-        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
-        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
-        self.damping = ratio * np.array([damping[:2], damping[1:]])
-        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
-        self.coriolis = 2 * ratio * rate * cross
-        # Residues of Π ((s + k/2)² + w²)/(s² + w²) at s = jw, by polynomials.
-        k = c.resonator_gain
-        poles = [root for w in self.w for root in (1j * w, -1j * w)]
-        zeros = [pole - k / 2 for pole in poles]
-        residues = [
-            np.prod([1j * w - zero for zero in zeros]) / np.prod([1j * w - pole for pole in poles if pole != 1j * w])
-            for w in self.w
-        ]
-        s = 1j * self.w[:, None]
-        loop = s**2 + (self.damper + np.diag(self.damping)) * s + self.square + np.diag(self.stiffness)
-        loop = loop + c.integral_frequency * self.square / s if len(self.w) else loop
-        self.gain = 2 * h * np.reshape(residues, (-1, 1)) * loop * np.exp(0.5j * self.w[:, None] * h)
-        self.a, self.b, self.integral = np.zeros(loop.shape), np.zeros(loop.shape), np.zeros(2)
-        self.limit, self.reached = c.force_limit, 0
-
-    def __call__(self, s: fg.Sample) -> np.ndarray:
-        r, v = np.array(s.reference), np.array(s.reference_velocity)
-        e, de = np.array(s.position) - r, np.array(s.velocity) - v
-        position, velocity, acceleration = motion(self.scenario, np.array([s.time]), self.scenario.run.step)[:, 0]
-        cosine, sine = np.cos(self.w * s.time)[:, None], np.sin(self.w * s.time)[:, None]
-        force = (self.damping + self.coriolis) @ velocity + self.stiffness @ position + acceleration
-        force = force - self.square * e - self.damper * de - self.integral - (self.a * cosine + self.b * sine).sum(0)
-        allowed = np.clip(force, -self.limit, self.limit)
-        self.reached += bool(np.any(allowed != force))
-        if (force - allowed) @ e >= 0.0:
-            # Re(p) of p' = jw p + g e, with p = (a - jb) e^(jwt).
-            turned = self.gain * (cosine - 1j * sine) * e
-            self.a, self.b = self.a + turned.real, self.b - turned.imag
-            self.integral = self.integral + self.integral_step * e
-        return np.asarray(allowed)
 
 
 @pytest.mark.parametrize("integral", [0.0, 3.0])

@@ -18,7 +18,7 @@
 // Source: Zheng, Dong and Gao 2007, doi 10.1109/CCA.2007.4389216 (abstract read).
 #pragma once
 
-#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/shared_fields.hpp"
 #include "fracgyro/control/saturation.hpp"
 #include "fracgyro/hardware/observer.hpp"
 

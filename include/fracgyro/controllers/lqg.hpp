@@ -13,7 +13,7 @@
 #pragma once
 
 #include "fracgyro/control/feedforward.hpp"
-#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/shared_fields.hpp"
 #include "fracgyro/control/saturation.hpp"
 #include "fracgyro/estimation/joint.hpp"
 #include "fracgyro/hardware/observer.hpp"

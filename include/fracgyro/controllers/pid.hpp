@@ -12,7 +12,7 @@
 
 #include "fracgyro/control/controller.hpp"
 #include "fracgyro/control/feedforward.hpp"
-#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/shared_fields.hpp"
 #include "fracgyro/control/saturation.hpp"
 
 namespace fracgyro {

@@ -26,8 +26,7 @@ struct SuperTwistingParams {
     static constexpr auto fields() {
         using P = SuperTwistingParams;
         return std::tuple{
-            field("surface_gain", &P::surface_gain, "omega0", above_0,
-                  "lambda, unit omega0, > 0: decay of e on the surface s = de/dt + lambda e."),
+            surface_gain_field(&P::surface_gain),
             field("twisting_gain", &P::twisting_gain, "q0^0.5*omega0^1.5", above_0,
                   "k1, > 0: of |s|^(1/2) sign(s); about 1.5 times the root of the mismatch's largest rate of change."),
             field("integral_gain", &P::integral_gain, "q0*omega0^3", above_0,

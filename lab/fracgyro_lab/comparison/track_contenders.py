@@ -44,6 +44,12 @@ RESONANT = (
     Gain("controller.damping_ratio", 0.1, 1.2, log=False, above="an unknown delay then makes the loop unstable"),
     Gain("controller.resonator_gain", 0.05, 60.0),
 )
+INTEGRAL = (
+    Gain("controller.surface_gain", 3.0, 600.0),
+    Gain("controller.reaching_rate", 5.0, 800.0, above="0.8 over the step"),
+    Gain("controller.integral_rate", 0.01, 500.0, below="0 is the law without it"),
+    Gain("controller.disturbance_observer", 3.0, 400.0, above="a hidden step of delay then makes the loop unstable"),
+)
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -172,6 +178,14 @@ CONTENDERS = (
         "textbook; docs/decisions/0046",
         kind("resonant") | {"controller.integral_frequency": 0.0},
         RESONANT,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "integral_sliding",
+        "integral sliding mode with a disturbance observer",
+        "Ohnishi 1987 (from memory); docs/decisions/0051",
+        kind("integral_sliding"),
+        INTEGRAL,
         observer=OBSERVER,
     ),
     Contender(

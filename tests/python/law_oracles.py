@@ -1,0 +1,87 @@
+"""Controllers again, in NumPy, from their equations: called with a sample of fg.simulate, they return the force. They
+share only the scenario with the package.
+"""
+
+from __future__ import annotations
+
+import fracgyro as fg
+import numpy as np
+from reference_oracle import motion
+
+
+class Resonant:
+    """The law in a fixed frame: a and b multiply cos wt and sin wt, which the core never computes."""
+
+    def __init__(self, frequencies: list[float]) -> None:
+        self.w = np.array(frequencies)
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.scenario, c, h = scenario, scenario.controller, scenario.run.step
+        self.square, self.damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
+        self.integral_step = h * c.integral_frequency * self.square
+        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
+        self.damping = ratio * np.array([damping[:2], damping[1:]])
+        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
+        self.coriolis = 2 * ratio * rate * cross
+        # Residues of Π ((s + k/2)² + w²)/(s² + w²) at s = jw, by polynomials.
+        k = c.resonator_gain
+        poles = [root for w in self.w for root in (1j * w, -1j * w)]
+        zeros = [pole - k / 2 for pole in poles]
+        residues = [
+            np.prod([1j * w - zero for zero in zeros]) / np.prod([1j * w - pole for pole in poles if pole != 1j * w])
+            for w in self.w
+        ]
+        s = 1j * self.w[:, None]
+        loop = s**2 + (self.damper + np.diag(self.damping)) * s + self.square + np.diag(self.stiffness)
+        loop = loop + c.integral_frequency * self.square / s if len(self.w) else loop
+        self.gain = 2 * h * np.reshape(residues, (-1, 1)) * loop * np.exp(0.5j * self.w[:, None] * h)
+        self.a, self.b, self.integral = np.zeros(loop.shape), np.zeros(loop.shape), np.zeros(2)
+        self.limit, self.reached = c.force_limit, 0
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        r, v = np.array(s.reference), np.array(s.reference_velocity)
+        e, de = np.array(s.position) - r, np.array(s.velocity) - v
+        position, velocity, acceleration = motion(self.scenario, np.array([s.time]), self.scenario.run.step)[:, 0]
+        cosine, sine = np.cos(self.w * s.time)[:, None], np.sin(self.w * s.time)[:, None]
+        force = (self.damping + self.coriolis) @ velocity + self.stiffness @ position + acceleration
+        force = force - self.square * e - self.damper * de - self.integral - (self.a * cosine + self.b * sine).sum(0)
+        allowed = np.clip(force, -self.limit, self.limit)
+        self.reached += bool(np.any(allowed != force))
+        if (force - allowed) @ e >= 0.0:
+            # Re(p) of p' = jw p + g e, with p = (a - jb) e^(jwt).
+            turned = self.gain * (cosine - 1j * sine) * e
+            self.a, self.b = self.a + turned.real, self.b - turned.imag
+            self.integral = self.integral + self.integral_step * e
+        return np.asarray(allowed)
+
+
+class IntegralSliding:
+    """The observer as zeta' = -L (d + u - f0), d = zeta + l v, with the exact gains of a held force."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.scenario, self.c, self.h = scenario, scenario.controller, scenario.run.step
+        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
+        self.damping = ratio * (np.array([damping[:2], damping[1:]]) + 2 * rate * cross)
+        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
+        self.share = 1 - np.exp(-self.c.disturbance_observer * self.h)
+        self.zeta, self.integral, self.reached = None, np.zeros(2), 0
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h = self.c, self.h
+        e = np.array(s.position) - np.array(s.reference)
+        de = np.array(s.velocity) - np.array(s.reference_velocity)
+        if self.zeta is None:
+            self.zeta = -self.share / h * de
+        d = self.zeta + self.share / h * de
+        position, velocity, acceleration = motion(self.scenario, np.array([s.time]), h)[:, 0]
+        keeps = self.damping @ (velocity + de) + self.stiffness @ (position + e) + acceleration
+        surface = de + c.surface_gain * e
+        wanted = keeps - c.surface_gain * de - c.reaching_rate * surface - self.integral - d
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        if (wanted - force) @ surface >= 0:
+            self.integral = self.integral + h * c.integral_rate * c.reaching_rate * surface
+        self.zeta = self.zeta - self.share * (d + force - keeps)
+        return np.asarray(force)
