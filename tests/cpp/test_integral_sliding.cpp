@@ -31,7 +31,7 @@ protected:
     typename Observer::Coefficients c = Observer::prepare(bandwidth, h);
     typename Observer::State state{};
     Sample<T> error{};
-    double tolerance = std::is_same_v<T, float> ? 2e-3 : 1e-10;  // of an increment that float rounds
+    double tolerance = std::is_same_v<T, float> ? 2e-3 : 1e-10;  // float rounds each increment
 };
 TYPED_TEST_SUITE(DisturbanceObserverOf, Scalars, ScalarNames);
 

@@ -75,7 +75,7 @@ class WithoutReference:
 
 
 def standard_deviations(scenario: fg.Scenario) -> np.ndarray:
-    """Of the positions, velocities and forces drawn every step, nondimensional; a density is one-sided."""
+    """Standard deviations of positions, velocities and forces, drawn every step; a density is one-sided."""
     scales, h, device = scenario.plant.scales, scenario.run.step, scenario.device
     assert scenario.disturbance.kinds == "noise"
     assert scenario.disturbance.hold in (None, h)

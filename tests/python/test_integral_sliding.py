@@ -45,7 +45,7 @@ def test_the_observer_removes_a_constant_force() -> None:
         "adaptation.initial_ratio": 1.0,
     }
     only = with_gains(PAPER.replace({**pushed, "run.duration": 8.0}), {"integral_rate": 0.0})
-    # What is left is the velocity between held forces, 1e-4, which the samples show.
+    # The velocity between held forces, 1e-4 at the samples, is a remaining error.
     assert late_error(only) < 1e-5
     assert late_error(with_gains(only, {"disturbance_observer": 0.0})) > 0.01
 
