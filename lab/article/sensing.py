@@ -109,7 +109,7 @@ def values(errors: Errors) -> Values:
             "arw": short(joint),
             "bound": short(logs.number(nominal["the bound"])),
             "ratio": nominal["ratio (95 %)"].split()[0],
-            "interval": interval(low, high),
+            "interval": interval(low, high, 3),
             "seeds": nominal["seeds"],
             "lowest": short(min(ratios)),
             "highest": short(max(ratios)),
@@ -117,14 +117,17 @@ def values(errors: Errors) -> Values:
             "high_end": short(max(ends), 3),
         },
         "composite_noisy": {"arw": short(of_composite), "joint": short(same), "times": short(of_composite / same)},
+        "hidden_seeds": _hidden_delay()["seeds"],
+        "sensor_seeds": logs.said("rate_sensor", r"part of `make bench`; (\d+) seeds"),
         "drift": {
+            "seeds": logs.said("sensing_noise", r"Second half of the run, (\d+) seeds"),
             "mean": short(logs.number(_drift("0")["mean error (deg/h)"]), 2),
             "rms": short(logs.number(_drift("0")[RMS]), 2),
             "forgotten_mean": short(logs.number(_drift("100")["mean error (deg/h)"]), 2),
             "forgotten_rms": short(logs.number(_drift("100")[RMS]), 2),
         },
         "off_model": _off_model(),
-        "hidden_delay": short(logs.number(_hidden_delay()), 2),
+        "hidden_delay": short(logs.number(_hidden_delay()["of 300 deg/s (ppm)"]), 2),
         "hidden_delay_moving": short(logs.number(_hidden_delay_moving()), 2),
     }
 
@@ -189,9 +192,8 @@ def _off_model() -> Values:
     return {"kinds": str(len(found)), "faults": faults, "worst": short(worst)}
 
 
-def _hidden_delay() -> str:
-    row = logs.row("sensing_noise", **{"dual mass, positions, 10⁻¹³ m/√Hz unless said": "… hidden, 300 deg/s"})
-    return row["of 300 deg/s (ppm)"]
+def _hidden_delay() -> logs.Row:
+    return logs.row("sensing_noise", **{"dual mass, positions, 10⁻¹³ m/√Hz unless said": "… hidden, 300 deg/s"})
 
 
 def _hidden_delay_moving() -> str:

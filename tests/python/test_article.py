@@ -441,23 +441,21 @@ def test_the_abstract_says_once_that_a_correction_makes_a_stable_loop_unstable(w
     assert len(re.findall(r"stable loop unstable", found)) == 1
 
 
-def test_the_text_refuses_a_log_in_which_the_layer_does_not_decide(monkeypatch: pytest.MonkeyPatch) -> None:
-    layers = replication._layers
-    assert layers() == {
-        "runs": "8",
-        "at": logs.row("boundedness", reading="as corrected", layer="linear (its own)")["at t"],
-    }
+@pytest.mark.parametrize(("diverged", "instead"), [("8 of 8", "7 of 8"), ("0 of 8", "1 of 8")])
+def test_the_text_refuses_a_log_in_which_the_layer_does_not_decide(
+    diverged: str, instead: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = logs.row("boundedness", reading="as corrected", layer="linear (its own)")
+    assert replication._layers() == {"runs": "8", "at": own["at t"]}
     rows = logs.rows
 
-    def bounded(log: str, *headings: str) -> list[dict[str, str]]:
-        return [
-            {**row, "diverged": "7 of 8" if row.get("diverged") == "8 of 8" else row["diverged"]}
-            for row in rows(log, *headings)
-        ]
+    def changed(log: str, *headings: str) -> list[dict[str, str]]:
+        found = rows(log, *headings)
+        return [{**row, "diverged": instead if row["diverged"] == diverged else row["diverged"]} for row in found]
 
-    monkeypatch.setattr(logs, "rows", bounded)
+    monkeypatch.setattr(logs, "rows", changed)
     with pytest.raises(ValueError, match="it is not the layer that decides"):
-        layers()
+        replication._layers()
 
 
 def test_every_reference_states_which_part_of_it_was_read() -> None:
