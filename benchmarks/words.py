@@ -33,6 +33,9 @@ def concise(value: float, half: float) -> str:
     """The same as 0.018(2), with the half width in parentheses in units of the last digit; omitted if it is smaller."""
     if not abs(value) * 1e-4 <= half < math.inf or half == 0:
         return short(value, 4)
+    if max(abs(value), half) >= 1e5:
+        power = math.floor(math.log10(max(abs(value), half)))
+        return f"{concise(value / 10.0**power, half / 10.0**power)}e{power}"
     exponent = int(f"{half:.0e}".partition("e")[2])
     scale = 10.0**exponent
     if exponent > 0:

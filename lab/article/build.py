@@ -24,13 +24,16 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
 import comparison
 import figures
 import logs
+import rating
 import replication
 import sensing
+import tracking
 from words import short
 
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parents[1] / "build" / "article"
 SOURCES = ("article.typ", "template.typ", "metadata.yaml", "bibliography.yml")
+CITATION = HERE.parents[1] / "CITATION.cff"  # authors and address of the code
 SEEDS = 100  # the default of `fracgyro reproduce`
 Values = dict[str, Any]
 
@@ -47,8 +50,8 @@ def write(out: Path, again: replication.Replication, errors: sensing.Errors, dat
         "version": version("fracgyro"),
         "method": method(),
         "sensing": sensing.values(errors),
-        "track": comparison.track(data["track"]),
-        "rate": comparison.rate(data["rate"]),
+        "track": tracking.values(data["track"]),
+        "rate": rating.values(data["rate"]),
         **replication.values(again),
     }
     out.mkdir(parents=True, exist_ok=True)
@@ -61,6 +64,7 @@ def typeset(values: Values, out: Path) -> Path:
     (out / "values.json").write_text(json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False), "utf-8")
     for name in SOURCES:
         shutil.copyfile(HERE / name, out / name)
+    shutil.copyfile(CITATION, out / CITATION.name)
     typst.compile(out / "article.typ", output=out / "article.pdf", **fonts())
     return out / "article.pdf"
 

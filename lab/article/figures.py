@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import comparison
+import limits
 import logs
 import numpy as np
 import sensing
+import tracking
 import xarray as xr
 from fracgyro.analysis.style import COLORS, MM, PAGE, own_style
 from fracgyro_lab.comparison.plots import joined
@@ -153,19 +155,21 @@ def _sensing(e: sensing.Errors) -> Figure:
     return figure
 
 
-def _fronts(rows: list[dict[str, Any]]) -> Figure:
-    """Error against chattering of training, by class, with noise; the paper's and the best have a color each."""
+def _fronts(every: list[dict[str, Any]]) -> Figure:
+    """Error against chattering of training, by class, with noise; the limit, the paper's and the best stand out."""
+    rows = [row for row in every if row.get("scenario", tracking.SCENARIO) == tracking.SCENARIO]
     noise = max(float(row["noise"]) for row in rows)
-    classes = sorted({row["class"] for row in rows})
-    ceilings = sorted({float(row["ceiling"]) for row in rows})
-    figure, panels = _pair(84)
-    here = {c: [row for row in rows if row["class"] == c and float(row["noise"]) == noise] for c in classes}
-    colored = _best([row for found in here.values() for row in found])
-    for panel, information in zip(panels, classes, strict=False):
+    rows = [row for row in rows if float(row["noise"]) == noise and row["front"]]
+    figure, panels = _pair(80)
+    colored = _best(rows)
+    for panel, information in zip(panels, tracking.CLASSES, strict=True):
+        here = [row for row in rows if row["class"] == information]
+        ceilings = sorted({float(row["ceiling"]) for row in here})
+        ends = ceilings[0] / 8, ceilings[-1] * 3
         for ceiling in ceilings:
             panel.axvline(ceiling, color="gray", lw=0.6, dashes=(3, 2))
-        for name in dict.fromkeys(row["name"] for row in here[information] if row["front"]):
-            points = joined([p for row in here[information] if row["name"] == name for p in row["front"]])
+        for name in dict.fromkeys(row["name"] for row in here):
+            points = joined([p for row in here if row["name"] == name for p in row["front"]])
             xs, ys = np.array(points).T
             if name == comparison.PAPER:
                 look: dict[str, Any] = {"color": COLORS[1], "marker": "o", "lw": 1.6, "zorder": 4}
@@ -175,18 +179,20 @@ def _fronts(rows: list[dict[str, Any]]) -> Figure:
             else:
                 look = {"color": GRAY, "lw": 0.6, "zorder": 2}
             panel.plot(xs, ys, drawstyle="steps-post", ms=2.6, **look)
+        panel.plot(*limits.line(information, noise, *ends), color="black", lw=1.4, zorder=5)
         panel.set(xscale="log", yscale="log", xlabel="chattering index, larger axis")
-        panel.set_xlim(ceilings[0] / 8, ceilings[-1] * 3)
+        panel.set_xlim(*ends)
         words = "positions and velocities" if information == "F" else "positions only"
         panel.set_title(f"class {information}: {words}", loc="left", fontsize=8)
     panels[0].set_ylabel("error of the best trial so far, q₀")
-    handles = [Line2D([], [], color=COLORS[1], marker="o", lw=1.6, ms=3, label="paper")]
+    handles = [Line2D([], [], color="black", lw=1.4, label="the limit")]
+    handles += [Line2D([], [], color=COLORS[1], marker="o", lw=1.6, ms=3, label="paper")]
     handles += [
-        Line2D([], [], color=color, marker=marker, lw=1.0, ms=3, label=name.replace("_", " "))
+        Line2D([], [], color=color, marker=marker, lw=1.0, ms=3, label=tracking.name_of(name))
         for name, (color, marker) in colored.items()
     ]
     handles.append(Line2D([], [], color=GRAY, lw=0.8, label="others"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    figure.legend(handles=handles, loc="outside lower center", ncols=5)
     return figure
 
 
@@ -194,7 +200,7 @@ def _best(rows: list[dict[str, Any]]) -> dict[str, tuple[str, str]]:
     """The contenders with the least errors in any table, other than the paper's, each with its look."""
     kept = [row for row in rows if row["kept"] and row["name"] != comparison.PAPER and row["front"]]
     tables: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
-    for row in sorted(kept, key=comparison.error):
+    for row in sorted(kept, key=tracking.error):
         tables.setdefault((row["class"], row["ceiling"]), []).append(row)
     most = max((len(found) for found in tables.values()), default=0)
     names = dict.fromkeys(found[i]["name"] for i in range(most) for found in tables.values() if i < len(found))

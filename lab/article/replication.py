@@ -21,6 +21,7 @@ from fracgyro_lab.paper.table import farther_off, order_ranges
 from words import short, spelled, uncertain
 
 LONG, LIMIT = 5000.0, 0.5  # long runs: their length, and the switching limit of one of them
+LAYERS = ("quadratic", "linear")
 EACH = 1000  # samples to a unit of time
 RATE = scenario("corrected", "proposed").plant.nondimensional()[2]  # the true one
 Values = dict[str, Any]
@@ -159,8 +160,11 @@ def _short(claim: Claim, r: Replication) -> str:
     if claim.id == "h":
         best = [order for order in _best_orders(r.study, claim.variant).values() if order == PAPER_ORDER]
         return f"least at α = 0.9 in {len(best)} of 6 columns"
+    evidence = logs.row("reproduction", **{"": claim.id, "variant": claim.variant})["evidence"]
+    found = re.search(r"range (\S+) to (\S+) over (\d+) paired timings", evidence)
+    assert found is not None, evidence
     ratio = float(np.median(step_costs()[claim.variant].ratios))
-    return f"{short(ratio, 3)} times the time of a step"
+    return f"{short(ratio, 3)} times the time of a step ({found[1]} to {found[2]} in {found[3]} timings)"
 
 
 def _best_orders(results: Study, variant: str) -> dict[tuple[str, str], float]:
@@ -192,6 +196,7 @@ def _seen(r: Replication) -> Values:
         "symmetric": short(float(abs(printed["rate_symmetric_estimate"]).max())),
         "element": uncertain(float(entry.mean()), float(entry.std())),
         "peak": short(float(results["corrected"]["rate_error_peak"].median()) / RATE, 3),
+        "late": short(float(abs(results["corrected"]["rate_error"]).median()) / RATE),
         "layer": layers,
         "order_whole": {axis: f"{orders['whole', axis]:g}" for axis in "xy"},
         "order_steady": {axis: f"{orders['steady', axis]:g}" for axis in "xy"},
@@ -234,6 +239,7 @@ def _end(r: Replication) -> Values:
         "crossed": f"{beyond[0]:.0f}" if len(beyond) else "–",
         "largest_gap": _largest_gap(),
         "printed": _printed_end(),
+        "layers": _layers(),
         "limit": f"{LIMIT:g}",
         "limited": short(float(np.sqrt((late**2).sum("axis").mean()))),
         "long": f"{LONG:g}",
@@ -248,10 +254,29 @@ def _printed_end() -> Values:
         raise ValueError("benchmarks/results/boundedness.md: the printed reading diverges, which the text denies")
     return {
         "units": row["run to t"],
+        "seconds": short(logs.number(row["run to t"]) / 1000),
         "seeds": seeds,
         "rms": short(logs.number(row["RMS of ‖e‖"])),
         "gain": row["ρ h/δ"],
     }
+
+
+def _layers() -> Values:
+    """Number of the log's runs for each reading and layer; when those diverge that have the linear one, as corrected.
+
+    Raises ValueError if it is not the layer that decides, which the text states.
+    """
+    rows = logs.rows("boundedness", "reading", "layer", "diverged")
+
+    def of(reading: str, layer: str) -> logs.Row:
+        (row,) = (row for row in rows if row["reading"] == f"as {reading}" and row["layer"].startswith(layer))
+        return row
+
+    counts = {layer: {v: of(v, layer)["diverged"].partition(" of ")[0] for v in VARIANTS} for layer in LAYERS}
+    runs = of("corrected", "linear")["diverged"].partition(" of ")[2]
+    if any(count != "0" for count in counts["quadratic"].values()) or set(counts["linear"].values()) != {runs}:
+        raise ValueError("benchmarks/results/boundedness.md: it is not the layer that decides, as stated by the text")
+    return {"runs": runs, "at": of("corrected", "linear")["at t"]}
 
 
 def _largest_gap() -> str:

@@ -91,7 +91,9 @@ def measured(device: str) -> list[tuple[float, float, float, float]]:
 
 
 def values(errors: Errors) -> Values:
-    ratios = [logs.number(_joint(device, noise)["ratio (95 %)"]) for device in DEVICES for noise in ("0", *NOISES)]
+    cells = [_joint(device, noise)["ratio (95 %)"] for device in DEVICES for noise in ("0", *NOISES)]
+    ratios = [logs.number(cell) for cell in cells]
+    ends = [end for cell in cells for end in _ends(cell)]
     nominal = _joint("dual_mass", "1e-13")
     low, high = _ends(nominal["ratio (95 %)"])
     noisy = logs.row("rate_sensor", scenario="dual_mass", effect="sensing noise")
@@ -107,19 +109,25 @@ def values(errors: Errors) -> Values:
             "arw": short(joint),
             "bound": short(logs.number(nominal["the bound"])),
             "ratio": nominal["ratio (95 %)"].split()[0],
-            "interval": interval(low, high),
+            "interval": interval(low, high, 3),
             "seeds": nominal["seeds"],
             "lowest": short(min(ratios)),
             "highest": short(max(ratios)),
+            "low_end": short(min(ends)),
+            "high_end": short(max(ends), 3),
         },
         "composite_noisy": {"arw": short(of_composite), "joint": short(same), "times": short(of_composite / same)},
+        "hidden_seeds": _hidden_delay()["seeds"],
+        "sensor_seeds": logs.said("rate_sensor", r"part of `make bench`; (\d+) seeds"),
         "drift": {
+            "seeds": logs.said("sensing_noise", r"Second half of the run, (\d+) seeds"),
             "mean": short(logs.number(_drift("0")["mean error (deg/h)"]), 2),
             "rms": short(logs.number(_drift("0")[RMS]), 2),
             "forgotten_mean": short(logs.number(_drift("100")["mean error (deg/h)"]), 2),
             "forgotten_rms": short(logs.number(_drift("100")[RMS]), 2),
         },
-        "hidden_delay": short(logs.number(_hidden_delay()), 2),
+        "off_model": _off_model(),
+        "hidden_delay": short(logs.number(_hidden_delay()["of 300 deg/s (ppm)"]), 2),
         "hidden_delay_moving": short(logs.number(_hidden_delay_moving()), 2),
     }
 
@@ -176,9 +184,16 @@ def _drift(hertz: str) -> logs.Row:
     return logs.row("sensing_noise", **{"D, K forgotten at (Hz)": hertz})
 
 
-def _hidden_delay() -> str:
-    row = logs.row("sensing_noise", **{"dual mass, positions, 10⁻¹³ m/√Hz unless said": "… hidden, 300 deg/s"})
-    return row["of 300 deg/s (ppm)"]
+def _off_model() -> Values:
+    """Faults of sensors: how often the rate is wrong while it is trusted."""
+    found = logs.rows("off_model", "length", "faults", "wrong while trusted, %")
+    (faults,) = {row["faults"] for row in found}
+    worst = max(logs.number(row["wrong while trusted, %"]) for row in found)
+    return {"kinds": str(len(found)), "faults": faults, "worst": short(worst)}
+
+
+def _hidden_delay() -> logs.Row:
+    return logs.row("sensing_noise", **{"dual mass, positions, 10⁻¹³ m/√Hz unless said": "… hidden, 300 deg/s"})
 
 
 def _hidden_delay_moving() -> str:
