@@ -41,10 +41,10 @@ struct SwitchingParams {
             choice("feedforward", &P::feedforward, times,
                    "Force along the reference: continuous, at the sample, so that the hold makes it half a step late, "
                    "as in the paper; held, at the middle of the hold, datasheet.delay later."),
-            field(
-                "switching_limit", &P::switching_limit, "1", limit,
-                "Largest rho h/delta, no unit, > 0: what one step takes back of s; the loop diverges from about 2 on, "
-                "and noise is enough to let the bound estimates grow until then. 0.5 suits hardware. inf: off."),
+            field("switching_limit", &P::switching_limit, "1", limit,
+                  "Largest rho h/delta, no unit, > 0: what one step takes back of s; with the linear layer the loop "
+                  "diverges from about 2 on, and noise is enough to let the bound estimates grow until then. 0.5 suits "
+                  "hardware. inf: off."),
         };
     }
 };
