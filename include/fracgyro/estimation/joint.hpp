@@ -33,9 +33,7 @@
 //
 //    A delay that the filter is not given: the sum of changes of the force over a span enters with the force late by
 //    one step. Its effect on z is ℓ <- A ℓ - B Δu, corrected like z; if consistency.hpp finds it in the innovations, P
-//    grows by 0.2 B Δu² Bᵀ v/(1 + v) each span, with v the square of the effect of Δu on one sample over the sensors'
-//    noise, and the motion is found again by the next samples. An effect far below the noise needs nothing: what the
-//    filter then learned faster would be the noise, which moves the force, whose changes would be larger still.
+//    grows by B Δu² Bᵀ each span, and the motion is found again by the next samples.
 //
 //    consistency.hpp decides which samples are learned from and when Ω̂z is trusted.
 #pragma once
@@ -418,13 +416,9 @@ private:
         const Vec2<T> change = c.share * (force - state.acting);
         state.change = change;
         state.acting = force;
-        const T doubt = c.noise.late * Agreement::late(state.agreement), one = T(1.0);
-        const auto disturbs = [&](const T& jump) {
-            const T square = jump * jump;
-            return c.noise.force + doubt * square * (one - one / (one + c.noise.visible * square));
-        };
-        weight[4] = disturbs(change.x());
-        weight[5] = disturbs(change.y());
+        const T doubt = c.of_force * Agreement::late(state.agreement);
+        weight[4] = c.noise.force + doubt * (change.x() * change.x());
+        weight[5] = c.noise.force + doubt * (change.y() * change.y());
         state.lag = through(state.map, state.lag);
         state.lag = {state.lag[0] - c.half_square * change.x(), state.lag[1] - c.half_square * change.y(),
                      state.lag[2] - c.span * change.x(), state.lag[3] - c.span * change.y()};

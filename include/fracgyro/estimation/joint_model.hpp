@@ -18,9 +18,6 @@ struct JointModel {
     // Standard deviations before the first sample: of Ωz and D over the natural frequency, of K over its square.
     static constexpr double prior_deviation = 0.05;
     static constexpr double unknown_motion = 100.0;  // in reference amplitudes
-    // Process noise while a delay is suspected, over the square of the force's last change. More makes a loop with
-    // exact sensors follow the change, less leaves the motion of slowly sampled devices uncertain.
-    static constexpr double late_share = 0.2;
     static constexpr int most_terms = 16;
     // Units of time over which the damping drifts in one direction, and over which the drift of the stiffness changes.
     static constexpr double damping_drifts_for = 100.0, stiffness_drifts_for = 1e8;
@@ -29,7 +26,6 @@ struct JointModel {
         T variance{};  // variance of a measured position: the unit of those below
         T force{};
         Four measured{}, more{};  // variances of the mean of a span, and the excess of a single number
-        T late{}, visible{};      // of a change of the force by 1, if it is late; its effect on a sample over noise
     };
     struct Prior {
         Four motion{}, unknown{};  // variances relative to a measured position: initial, and of any motion
@@ -42,6 +38,7 @@ struct JointModel {
     std::array<Four, motions> map{};   // A, row by row
     std::array<Four, sensors> mean{};  // mean of the motion over a span, from the motion at its end
     T span{}, half_square{}, share{};  // for P: m h and ½(m h)², which is B; 1/m
+    T of_force{};                      // variance of a force of 1, relative to a measured position
     std::array<T, most_terms> over{};  // h/k
     std::int32_t terms = 0, delay = 0, slots = 1;
     Noise noise{};
@@ -118,15 +115,13 @@ struct JointModel {
         const double slip = square_of(maximum(said.velocity_noise,
                                               maximum(least_noise * natural * square_root(h), rounding * fastest))) /
                             unit;
+        c.of_force = T(1.0 / unit);
         c.noise = {.variance = T(unit), .force = T(disturbed / unit / slots)};
         for (std::size_t i = 0; i < motions; ++i) {
             const double single = i < 2 ? 1.0 : slip;
             c.noise.measured[i] = T(single / slots + within[i] * disturbed / unit);
             c.noise.more[i] = T(single - single / slots);
         }
-        const double kick = square_of(span) / unit, moves = 0.25 * square_of(span) * kick;
-        c.noise.late = T(late_share / unit);
-        c.noise.visible = T(slots * (velocity_measured ? moves + kick / slip : moves));
         const double velocity = square_of(maximum(fastest, least_noise)) / unit;
         c.prior.motion = {T(1.0), T(1.0), T(velocity_measured ? slip : velocity),
                           T(velocity_measured ? slip : velocity)};
