@@ -354,6 +354,20 @@ def limit() -> Rows:
     ]
 
 
+def near_limit() -> Rows:
+    columns = ("bandwidth", "error x, y", "over limit", "start over limit", "with a hidden step")
+    return [
+        [
+            f"{row['sensing']}" + (f", {row['noise (m/√Hz)']} m/√Hz" if noisy else ", no noise"),
+            f"≤ {row['ceiling']}",
+            f"`{row['law']}`, {row['margin']}",
+            *(row[column] for column in columns),
+        ]
+        for row in logs.rows("limit", *columns)
+        for noisy in [number(row["noise (m/√Hz)"]) > 0.0]
+    ]
+
+
 def reference_cost() -> Rows:
     def means(row: logs.Row, column: str) -> str:
         return thousands(numbers(row[column])[0])
@@ -836,6 +850,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "budgets": budgets,
     "reference_cost": reference_cost,
     "limit": limit,
+    "near_limit": near_limit,
     "claims": claims,
     "performance": performance,
     "tracking": tracking,

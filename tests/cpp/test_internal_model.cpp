@@ -1,16 +1,12 @@
 // The controller with a model of its reference: its gains, and what the loop keeps of noise, delays, limits and faults.
 #include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/control/course.hpp"
-#include "fracgyro/plant/gyroscope.hpp"
+#include "follow.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <deque>
-#include <numbers>
-#include <random>
 
 namespace fracgyro::testing {
 namespace {
@@ -85,95 +81,7 @@ TEST(Riccati, RandomSystemsSatisfyTheEquationWithAStableLoop) {
 using FromBoth = InternalModelOf<double, true>;
 using FromPositionsOnly = InternalModelOf<double, false>;
 
-constexpr double pi = std::numbers::pi, h = 1e-3, noise = 7.07e-5;
-
-// The paper's plant, 5 % stiffer than the nominal one.
-struct Case {
-    InternalModelParams law{.datasheet = {.force_noise = 1.0, .position_noise = noise, .velocity_noise = noise}};
-    Common common{.step = h};
-    GyroscopeParams plant{.damping = {0.01, 0.002, 0.01}, .stiffness = {355.3, 70.99, 532.9}, .rate = 0.1};
-    double force_noise = 0.0, sensor_noise = 0.0;
-    std::size_t delay = 0;
-
-    Case() {
-        common.reference = {.frequency = {pi, 0.5 * pi}, .phase = {0.0, 0.5 * pi}};
-        common.nominal = {.damping = 0.95 * plant.damping, .stiffness = 0.95 * plant.stiffness, .rate = 0.095};
-        plant.initial_position = {0.5, 0.5};
-    }
-    static Case in_noise() {
-        Case a;
-        a.force_noise = 1.0;
-        a.sensor_noise = noise;
-        return a;
-    }
-};
-
-template <class C>
-class Loop {
-public:
-    explicit Loop(const Case& a)
-        : c(C::prepare(a.law, a.common)),
-          at_(a),
-          plant_(Gyroscope<double>::prepare(a.plant, a.common.step)),
-          motion(Gyroscope<double>::start(a.plant)),
-          late_(a.delay) {}
-
-    // Returns the true error before the step. A missing sample holds the force.
-    Vec2<double> step(Vec2<double> disturbance = {}, bool missing = false) {
-        using T = typename C::Value;
-        const Motion<double> measured{.position = motion.position + at_.sensor_noise * normal(),
-                                      .velocity = motion.velocity + at_.sensor_noise * normal()};
-        const Motion<T> seen{.position = cast<T>(measured.position), .velocity = cast<T>(measured.velocity)};
-        const Sample<T> none{};
-        signals = C::step(state, c, seen, missing ? &none : nullptr);
-        if (!missing) {
-            force = cast<double>(signals.force);
-        }
-        late_.push_back(force);
-        const Vec2<double> error = motion.position - cast<double>(signals.reference.position);
-        Gyroscope<double>::step(motion, plant_, late_.front(), disturbance + at_.force_noise * normal());
-        late_.pop_front();
-        return error;
-    }
-    // RMS error of both axes over steps, after others.
-    double rms(int before, int steps) {
-        double sum = 0.0;
-        for (int n = 0; n < before + steps; ++n) {
-            const double square = squared_norm(step());
-            sum += n < before ? 0.0 : square;
-        }
-        return std::sqrt(sum / steps);
-    }
-
-    typename C::Coefficients c;
-
-private:
-    Case at_;
-    typename Gyroscope<double>::Coefficients plant_;
-    std::mt19937_64 random_{1};
-
-    // The sum of twelve numbers between 0 and 1: the same in every C++ library.
-    double one() {
-        double sum = -6.0;
-        for (int i = 0; i < 12; ++i) {
-            sum += std::ldexp(static_cast<double>(random_() >> 11), -53);
-        }
-        return sum;
-    }
-    Vec2<double> normal() {
-        const double x = one(), y = one();
-        return {x, y};
-    }
-
-public:
-    typename C::State state{};
-    Motion<double> motion;
-    Signals<typename C::Value, EmptyReport> signals{};
-    Vec2<double> force{};
-
-private:
-    std::deque<Vec2<double>> late_;
-};
+using Case = CaseOf<InternalModelParams>;
 
 template <class C>
 class InternalModelFrom : public ::testing::Test {};
@@ -228,7 +136,7 @@ TYPED_TEST(InternalModelFrom, OfAKnownPlantNoForceIsLacking) {
 TEST(InternalModel, ItsErrorInNoiseIsThatOfTheLinearLoop) {
     Case a = Case::in_noise();
     EXPECT_NEAR(Loop<FromBoth>(a).rms(10'000, 60'000), 1.414 * 3.55e-6, 0.1 * 5.0e-6);
-    a.law.loop_bandwidth = 0.5;
+    a.law.feedback.loop_bandwidth = 0.5;
     EXPECT_NEAR(Loop<FromPositionsOnly>(a).rms(10'000, 60'000), 1.414 * 3.95e-5, 0.1 * 5.6e-5);
 }
 
@@ -236,7 +144,7 @@ TEST(InternalModel, OneStepOfHiddenDelayCostsAtMostAFactorOfTwo) {
     for (const double bandwidth : {0.3, 0.75, 1.1}) {
         for (const std::size_t known : {0U, 1U, 4U}) {
             Case a = Case::in_noise();
-            a.law.loop_bandwidth = bandwidth;
+            a.law.feedback.loop_bandwidth = bandwidth;
             a.law.datasheet.delay = static_cast<std::int64_t>(known);
             a.delay = known;
             Case hidden = a;

@@ -11,22 +11,12 @@ from typing import Any
 import numpy as np
 from fracgyro import Scenario
 from fracgyro.scenario.to_core import datasheet
-from scipy.linalg import block_diag, expm, solve_discrete_are
-
-AXES = 2
+from scipy.linalg import block_diag, solve_discrete_are
+from smooth_feedback_oracle import AXES, SmoothFeedback, held
 
 
 def turn(angle: float) -> np.ndarray:
     return np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-
-
-def held(flow: np.ndarray, inputs: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """The maps of a state and of an input that is held for a step."""
-    states, held_inputs = inputs.shape
-    whole = np.zeros((states + held_inputs,) * 2)
-    whole[:states] = np.hstack([flow, inputs])
-    found = expm(step * whole)
-    return found[:states, :states], found[:states, states:]
 
 
 class InternalModel:
@@ -58,14 +48,11 @@ class InternalModel:
         noise = [max(sheet.position_noise, 0.005 * h * h * force), max(sheet.velocity_noise, 0.01 * h * force)]
         per_axis = [(kxx, dxx), (kyy, dyy)]
         self.gain = [self.filter(k, d, c.learning_bandwidth, force, noise) for k, d in per_axis]
-        self.feedback = [self.regulator(k, d, c.loop_bandwidth) for k, d in per_axis]
+        self.feedback = SmoothFeedback(c, per_axis, h, sheet.delay)
         self.regulated = [self.feedforward(w) for w in self.frequency]
-        slopes = np.array([k[0] / k[1] for k in self.feedback])
-        self.near = 0.25 * self.limit / slopes**2
 
         # On each axis: e, its rate, the constant, then cosine and sine at each frequency.
         self.states = np.zeros((AXES, 3 + 2 * len(self.frequencies)))
-        self.past = np.zeros((AXES, max(2, self.delay + 1)))
 
     def ripple(self, w: float) -> float:
         tangent = math.tan(w * self.step_size / 2)
@@ -92,36 +79,6 @@ class InternalModel:
         variance = of_rows @ variance @ of_rows
         p = solve_discrete_are(a.T, rows.T, q, variance)
         found: np.ndarray = units @ p @ rows.T @ np.linalg.inv(rows @ p @ rows.T + variance) @ of_rows
-        return found
-
-    def regulator(self, k: float, d: float, bandwidth: float) -> np.ndarray:
-        """The feedback of e, its rate and earlier forces of one axis."""
-        h, delay = self.step_size, self.delay
-        usable = min(bandwidth, 1.1 / (1 + delay / 2))
-        late = max(0.0, 1 - 0.29 / usable) / (1 + delay / 4)
-        f, g = held(np.array([[0, 1], [-k, -d]]), np.array([[0.0], [1.0]]), h)
-        size = 2 + max(2, delay + 1)
-        a, b = np.zeros((size, size)), np.zeros((size, 1))
-        a[:2, :2] = f
-        newest = np.array([2.0, -1.0])  # u_n without its second difference, of the last two
-        b[2] = 1.0
-        a[2, 2:4] = newest
-        a[3:, 2:-1] = np.eye(size - 3)
-        for steps, share in ((delay, 1 - late), (delay + 1, late)):
-            if steps == 0:
-                a[:2, 2:4] += share * g * newest
-                b[:2] += share * g
-            else:
-                a[:2, 1 + steps] += share * g[:, 0]
-        cost = np.zeros((size, size))
-        cost[0, 0] = 1.0
-        price = np.array([[usable**-4]])
-        units = np.diag([(h / usable) ** 2, h / usable, *[1.0] * (size - 2)])  # in which SciPy succeeds
-        inverse = np.linalg.inv(units)
-        a, b = inverse @ a @ units, inverse @ b
-        x = solve_discrete_are(a, b, cost, price)
-        found: np.ndarray = np.linalg.solve(price + b.T @ x @ b, b.T @ x @ a)[0] @ inverse
-        found[2:4] -= newest
         return found
 
     def feedforward(self, w: float) -> dict[str, np.ndarray]:
@@ -153,20 +110,15 @@ class InternalModel:
                 miss = seen[axis] - [z[axis, 0], z[axis, 1] + z[axis, 4::2] @ ripples]
                 z[axis] += self.gain[axis] @ miss[: self.gain[axis].shape[1]]
 
-        follows = np.zeros(2)
+        follows = self.feedback.force(z[:, 0], z[:, 1])
         for axis in range(AXES):
-            e = z[axis, 0]
-            near = self.near[axis]
-            if math.isfinite(self.limit) and abs(e) > near:
-                e = math.copysign(2 * math.sqrt(near * abs(e)) - near, e)
-            follows[axis] = -self.feedback[axis] @ [e, z[axis, 1], *self.past[axis]]
             known[axis] -= z[axis, 2]
             for i, w in enumerate(self.frequencies):
                 known[axis] -= (turn(w * h * self.delay) @ z[axis, 3 + 2 * i : 5 + 2 * i])[0]
         wanted = known + follows
         force: np.ndarray = np.clip(wanted, -self.limit, self.limit)
-        self.past = np.hstack([(follows + force - wanted)[:, None], self.past[:, :-1]])
-        acts = self.past[:, self.delay]
+        self.feedback.remember(follows + force - wanted)
+        acts = self.feedback.past[:, self.delay]
         z[:, :2] = (self.f @ z[:, :2].T.ravel() + self.own @ acts).reshape(2, 2).T
         for i, w in enumerate(self.frequencies):
             z[:, 3 + 2 * i : 5 + 2 * i] = z[:, 3 + 2 * i : 5 + 2 * i] @ turn(w * h).T

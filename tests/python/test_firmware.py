@@ -127,7 +127,7 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
             assert host.force == tuple(wanted)
         else:  # κ, a difference over a step, has some 1e-7/1e-3 of rounding error, which λ1 I^ν amplifies
             # The joint filter's first estimates, of few samples, are the more sensitive to it.
-            # For lqg they are multiplied by 200^2.
+            # For lqg they are multiplied by its gain of 1e5.
             atol = 20.0 if kind == "lqg" else 5.0 if kind.startswith("joint") else 0.5
             np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=atol)
     if kind == "composite":

@@ -197,7 +197,7 @@ def test_the_papers_force_is_continuous_unless_asked() -> None:
 @pytest.mark.parametrize("delay", [1, 3])
 def test_a_known_delay_moves_the_held_point(delay: int) -> None:
     """With `lqg`, whose filter knows the delay: the steady error grows with the delay of its feedback only."""
-    known = ideal("paper", "lqg", natural_frequency=60.0).replace({"device.delay": delay})
+    known = ideal("paper", "lqg", loop_bandwidth=0.06).replace({"device.delay": delay})
     hidden = known.replace({"datasheet.delay": 0})
     error = [float(fg.metrics.rmse(fg.simulate(s), (10.0, None)).max()) for s in (known, hidden)]
     assert error[0] < 0.5 * error[1]

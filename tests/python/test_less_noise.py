@@ -32,8 +32,6 @@ def scenario(device: str, law: str, sensing: str, density: float, **more: Any) -
         **LAWS[law],
         **{key.replace("__", "."): value for key, value in more.items()},
     }
-    if law == "lqg":
-        changes["controller.natural_frequency"] = 0.3 / base.run.step
     if device == "paper":
         changes["controller.force_limit"] = 1000.0
     return base.replace(changes)

@@ -3,16 +3,11 @@
 // Use it when only tracking counts, the reference is a sum of sines, and a step must take little time.
 //
 //        u = u_r - w + u_f        w = w_0 + w_1 + w_2
-//        u_f = -k_e e - k_v ė - k_1 p_1 - k_2 p_2
 //
-//    with u_r the held force that keeps the nominal plant on the reference at every sample, e and ė as estimated, and
-//    p the values of u_f before. On each axis w is the sum of a constant and of an oscillator at each frequency of the
-//    reference, at most four; a reference that is not a sum of sines has the constant only. All gains are constant.
-//    Those of the feedback have the least sum of e² + |second difference of u_f|² h⁴/(ω h)⁸, for a force of which a
-//    share comes a step later than stated: without it, one step of hidden delay makes a fast loop unstable. It does not
-//    adapt D, K or Ωz, and reports no rate.
-//
-//    Under a force limit, an error beyond `near` counts as 2 √(near |e|) - near: half the limit can brake the approach.
+//    with u_r the held force that keeps the nominal plant on the reference at every sample, and u_f the feedback of
+//    smooth_feedback.hpp on the estimated e and ė. On each axis w is the sum of a constant and of an oscillator at each
+//    frequency of the reference, at most four; a reference that is not a sum of sines has the constant only. All gains
+//    are constant. It does not adapt D, K or Ωz, and reports no rate.
 //
 // Source: textbook; docs/decisions/0047.
 #pragma once
@@ -29,6 +24,7 @@ struct InternalModelOf {
     using Params = InternalModelParams;
     using Report = EmptyReport;
     using Design = InternalModelDesign;
+    using Feedback = SmoothFeedback<T>;
     static constexpr bool measures_velocity = velocity_measured;
     static constexpr std::size_t sensors = velocity_measured ? 2 : 1;  // positions, velocities
 
@@ -49,10 +45,8 @@ struct InternalModelOf {
         std::array<Vec2<T>, 2> push{};            // G
         Gain position{}, velocity{}, constant{};  // gains of the filter
         std::array<Oscillator, Design::max_frequencies> oscillators{};
-        std::array<Vec2<T>, 2> feedback{};             // K_z
-        std::array<Vec2<T>, Design::max_past> past{};  // K_k
-        Vec2<T> near{};
-        std::int32_t frequencies = 0, remembered = 2, delay = 0;
+        typename Feedback::Coefficients feedback{};
+        std::int32_t frequencies = 0, delay = 0;
         bool accelerates = false;  // r̈ has a force of its own
     };
     struct State {
@@ -60,8 +54,8 @@ struct InternalModelOf {
         Sample<T> error{};  // z, predicted
         Vec2<T> constant{};
         std::array<Vec2<T>, Design::max_frequencies> cosine{}, sine{};
-        std::array<Vec2<T>, Design::max_past> past{};  // u_f, the last one first
-        Vec2<T> force{};                               // the acting force
+        typename Feedback::Forces past{};
+        Vec2<T> force{};  // the acting force
         Kept<T, bool> started = false;
     };
 
@@ -72,13 +66,10 @@ struct InternalModelOf {
                               {T(rows[row][column + 1]), T(rows[row + 1][column + 1])}};
         };
         const auto of_columns = [](const Design::Columns& a) { return Matrix2<T>{cast<T>(a[0]), cast<T>(a[1])}; };
-        const auto feedback = [&](std::size_t i) {
-            return Vec2<T>{T(found.axes[0].feedback[i]), T(found.axes[1].feedback[i])};
-        };
         const auto gain = [&](std::size_t state) {
             Gain g;
             for (std::size_t i = 0; i < sensors; ++i) {
-                g.of[i] = {T(found.axes[0].filter[state][i]), T(found.axes[1].filter[state][i])};
+                g.of[i] = {T(found.filter[0][state][i]), T(found.filter[1][state][i])};
             }
             return g;
         };
@@ -87,9 +78,8 @@ struct InternalModelOf {
                        .position = gain(0),
                        .velocity = gain(1),
                        .constant = gain(2),
-                       .feedback = {feedback(0), feedback(1)},
+                       .feedback = Feedback::prepare(p.feedback, common, p.datasheet.delay),
                        .frequencies = static_cast<std::int32_t>(found.count),
-                       .remembered = static_cast<std::int32_t>(found.past),
                        .delay = static_cast<std::int32_t>(p.datasheet.delay)};
         const double h = common.step;
         for (std::size_t i = 0; i < 3; ++i) {
@@ -117,16 +107,6 @@ struct InternalModelOf {
                                 .sine = gain(4 + 2 * i),
                                 .ripple = T(found.ripple_of(i))};
         }
-        for (std::size_t i = 0; i < found.past; ++i) {
-            c.past[i] = feedback(2 + i);
-        }
-        if (c.saturation.limited) {
-            const auto near = [&](std::size_t axis) {
-                const double slope = found.axes[axis].feedback[0] / found.axes[axis].feedback[1];
-                return 0.5 * Design::braking * common.force_limit / (slope * slope);
-            };
-            c.near = {T(near(0)), T(near(1))};
-        }
         return c;
     }
 
@@ -153,11 +133,7 @@ struct InternalModelOf {
         }
         signals.error = missing != nullptr ? *missing : velocity_measured ? tracking_error(measured, r) : z;
 
-        const Vec2<T> near = c.saturation.limited ? reachable(c, z.value) : z.value;
-        Vec2<T> follows = -(c.feedback[0] * near + c.feedback[1] * z.derivative);
-        for (std::size_t i = 0; i < static_cast<std::size_t>(c.remembered); ++i) {
-            follows = follows - c.past[i] * state.past[i];
-        }
+        Vec2<T> follows = Feedback::force(c.feedback, z, state.past);
         Vec2<T> known = c.feedforward[0] * r.position + c.feedforward[1] * r.velocity - state.constant;
         if (c.accelerates) {
             known = known + c.feedforward[2] * r.acceleration;
@@ -211,18 +187,9 @@ private:
         }
     }
 
-    static Vec2<T> reachable(const Coefficients& c, const Vec2<T>& error) {
-        const Vec2<T> size = absolute(error);
-        const Vec2<T> far = T(2.0) * square_root(c.near * size) - c.near;
-        return with_sign_of(error, if_less(size, c.near, size, far));
-    }
-
     // The coming sample; `follows` acts after the delay.
     static void predict(State& state, const Coefficients& c, const Vec2<T>& follows) {
-        for (std::size_t i = static_cast<std::size_t>(c.remembered); i-- > 1;) {
-            state.past[i] = state.past[i - 1];
-        }
-        state.past[0] = follows;
+        Feedback::remember(c.feedback, state.past, follows);
         const Vec2<T> acts = state.past[static_cast<std::size_t>(c.delay)];
         const Sample<T> z = state.error;
         state.error = {.value = c.map[0] * z.value + c.map[1] * z.derivative + c.push[0] * acts,

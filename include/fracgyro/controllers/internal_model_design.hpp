@@ -1,28 +1,23 @@
 // Design of the internal model (internal_model.hpp): its gains, computed once in double precision.
 //
 //    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one. Each
-//    axis has gains of its own, for a plant without coupling: within a step, coupling moves the mass very little, and
-//    the prediction includes it.
+//    axis has a filter of its own, for a plant without coupling, as in smooth_feedback.hpp; the prediction includes it.
 #pragma once
 
-#include "fracgyro/control/common.hpp"
 #include "fracgyro/control/datasheet.hpp"
-#include "fracgyro/core/riccati.hpp"
+#include "fracgyro/control/smooth_feedback.hpp"
 
 namespace fracgyro {
 
 struct InternalModelParams {
-    double loop_bandwidth = 0.75;     // ω h
+    SmoothFeedbackParams feedback{};
     double learning_bandwidth = 1.0;  // oscillators
     Datasheet datasheet{};
 
     static constexpr auto fields() {
         using P = InternalModelParams;
         return std::tuple{
-            field(
-                "loop_bandwidth", &P::loop_bandwidth, "1", {.low = 0.02, .high = 1.1},
-                "omega h, no unit: bandwidth of the loop, in radians per step, 0.02 to 1.1. More follows closer, with "
-                "more chattering."),
+            Inner{"controller", &P::feedback},
             field("learning_bandwidth", &P::learning_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: bandwidth at which forces that the nominal plant lacks are estimated at each "
                   "frequency of the reference."),
@@ -32,32 +27,17 @@ struct InternalModelParams {
 };
 
 struct InternalModelDesign {
-    static constexpr std::size_t max_frequencies = 4, max_past = 9;  // the latter for a delay of 8
-    static constexpr std::size_t room = 11;                          // 3 + 2 * 4 and 2 + 9
-    static constexpr double braking = 0.5;  // share of the force limit for the approach from afar
+    static constexpr std::size_t max_frequencies = 4, room = 3 + 2 * max_frequencies;
     using Square = LeadingMatrix<room>;
     using Columns = std::array<Vec2<double>, 2>;
 
-    struct Axis {
-        std::array<double, room> feedback{};  // for e, ė and earlier forces
-        Table<room, 2> filter{};              // gains of a measured position and velocity
-    };
-
     double step = 0.0;
     std::array<double, max_frequencies> frequencies{};
-    std::size_t count = 0, past = 2;
-    Matrix<6> map{};  // for z and a held force, both axes
-    std::array<Axis, 2> axes{};
-    std::array<Columns, 3> feedforward{};  // matrices of r, ṙ, r̈
-    Columns ripple{};                      // and of the velocity that u_r leaves at the samples, of ṙ
-
-    // One step of delay more than stated makes a fast loop unstable, so that the feedback is designed for a force of
-    // which a share comes a step later than stated. With these numbers such a step costs at most a factor of 2 in error
-    // at every bandwidth and delay, at the least nominal error (docs/decisions/0047).
-    static double usable(double bandwidth, double delay) { return minimum(bandwidth, 1.1 / (1.0 + 0.5 * delay)); }
-    static double late_share(double bandwidth, double delay) {
-        return maximum(0.0, 1.0 - 0.29 / bandwidth) / (1.0 + 0.25 * delay);
-    }
+    std::size_t count = 0;
+    Matrix<6> map{};                         // for z and a held force, both axes
+    std::array<Table<room, 2>, 2> filter{};  // gains of a measured position and velocity, for each axis
+    std::array<Columns, 3> feedforward{};    // matrices of r, ṙ, r̈
+    Columns ripple{};                        // and of the velocity that u_r leaves at the samples, of ṙ
 
     [[gnu::noinline]] static InternalModelDesign prepare(const InternalModelParams& p, const Common& common,
                                                          bool velocity_measured) {
@@ -72,14 +52,7 @@ struct InternalModelDesign {
         c.find_frequencies(common.reference, 1e-4 * p.learning_bandwidth);
         const auto delay = static_cast<double>(p.datasheet.delay);
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            Matrix<3> decoupled{};
-            decoupled[0][1] = decoupled[1][2] = 1.0;
-            decoupled[1][0] = -of(k.diagonal, axis) * h * h;
-            decoupled[1][1] = -of(d.diagonal, axis) * h;
-            decoupled = expm(decoupled, 1.0);
-            c.design_feedback(axis, decoupled, usable(p.loop_bandwidth, delay),
-                              static_cast<std::size_t>(p.datasheet.delay));
-            c.design_filter(axis, decoupled, p, k, velocity_measured);
+            c.design_filter(axis, SmoothFeedbackDesign::plant_of(common, axis), p, k, velocity_measured);
             c.design_feedforward(common, axis, delay);
         }
         return c;
@@ -141,47 +114,6 @@ private:
         }
     }
 
-    // u_n = 2 u_(n-1) - u_(n-2) + v, and v is priced.
-    void design_feedback(std::size_t axis, const Matrix<3>& plant, double bandwidth, std::size_t delay) {
-        past = delay + 1 < 2 ? 2 : delay + 1;
-        Square a{.size = 2 + past}, weight{.size = a.size};
-        Table<room, 1> b{};
-        const double late = late_share(bandwidth, static_cast<double>(delay));
-        weight[0][0] = 1.0;
-        for (std::size_t row = 0; row < 2; ++row) {
-            a[row][0] = plant[row][0];
-            a[row][1] = plant[row][1];
-            const double push = plant[row][2], now = (1.0 - late) * push;
-            if (delay == 0) {
-                b[row][0] = now;
-                a[row][2] = 2.0 * now;
-                a[row][3] = -now;
-            } else {
-                a[row][1 + delay] = now;
-            }
-            a[row][2 + delay] += late * push;
-        }
-        b[2][0] = 1.0;
-        a[2][2] = 2.0;
-        a[2][3] = -1.0;
-        for (std::size_t row = 3; row < a.size; ++row) {
-            a[row][row - 1] = 1.0;
-        }
-        const double square = bandwidth * bandwidth, fourth = square * square;
-        const std::array<double, 1> price{1.0 / (fourth * fourth)};
-        const auto gain = riccati_gain(riccati(a, b, weight, price), b, price);
-        std::array<double, room>& k = axes[axis].feedback;
-        for (std::size_t i = 0; i < a.size; ++i) {
-            for (std::size_t j = 0; j < a.size; ++j) {
-                k[j] += gain[0][i] * a[i][j];
-            }
-        }
-        k[0] = k[0] / (step * step);
-        k[1] = k[1] / step;
-        k[2] -= 2.0;
-        k[3] += 1.0;
-    }
-
     // States: z, the constant force, then cosine and sine at each frequency.
     void design_filter(std::size_t axis, const Matrix<3>& plant, const InternalModelParams& p, const Sym2<double>& k,
                        bool velocity_measured) {
@@ -230,7 +162,7 @@ private:
             for (std::size_t i = 0; i < a.size; ++i) {
                 const double unit = i == 0 ? h * h : i == 1 ? h : 1.0;
                 for (std::size_t j = 0; j < Sensors; ++j) {
-                    axes[axis].filter[i][j] = gain[j][i] * unit / (j == 0 ? h * h : h);
+                    filter[axis][i][j] = gain[j][i] * unit / (j == 0 ? h * h : h);
                 }
             }
         };

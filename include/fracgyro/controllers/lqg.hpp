@@ -1,34 +1,33 @@
-// Linear-quadratic control on a joint Kalman filter: one filter estimates motion, damping, stiffness and angular rate,
-// and the feedback on its estimate is optimal.
+// LQG, linear-quadratic-Gaussian control on a joint Kalman filter: one filter estimates motion, damping, stiffness and
+// angular rate, and the feedback on its estimate has the least error for a given smoothness of the force.
 //
 // Use it when the sensors are noisy and their noise and delay are known, for tracking and for the rate.
 //
-//        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - √2 ω ė
+//        u = u_r + u_f        u_r = (D̂ + 2Ω̂) ṙ + K̂ r + r̈
 //
-//    with the feedforward at the held point (reference.hpp), and e and ė as estimated by the filter of joint.hpp. The
-//    feedback is optimal for ë = u with the weights ω⁴ of e² and 1 of u²: far below ω the plant's own forces on e are
-//    negligible.
+//    with the feedforward u_r at the held point (reference.hpp), and u_f the feedback of smooth_feedback.hpp on e and ė
+//    as estimated by the filter of joint.hpp.
 //
-// Source: textbook; the filter: docs/decisions/0024.
+// Source: textbook; the filter: docs/decisions/0024; the feedback: docs/decisions/0049.
 #pragma once
 
 #include "fracgyro/control/feedforward.hpp"
-#include "fracgyro/control/shared_fields.hpp"
 #include "fracgyro/control/saturation.hpp"
+#include "fracgyro/control/smooth_feedback.hpp"
 #include "fracgyro/estimation/joint.hpp"
 #include "fracgyro/hardware/observer.hpp"
 
 namespace fracgyro {
 
 struct LqgParams {
-    double natural_frequency = 200.0;  // ω
-    AdaptationParams adaptation{};     // only forgetting is used
+    SmoothFeedbackParams feedback{};
+    AdaptationParams adaptation{};  // only forgetting is used
     Datasheet datasheet{};
 
     static constexpr auto fields() {
         using P = LqgParams;
         return std::tuple{
-            loop_frequency_field(&P::natural_frequency),
+            Inner{"controller", &P::feedback},
             Inner{"adaptation", &P::adaptation,
                   std::tuple_cat(AdaptationParams::forgetting_fields(),
                                  std::tuple{AdaptationParams::covariance_field()})},
@@ -43,25 +42,29 @@ struct LqgOf {
     using Params = LqgParams;
     using Report = LearnedPlantReport<T>;
     using Filter = JointFilter<T, velocity_measured>;
+    using Feedback = SmoothFeedback<T>;
     static constexpr bool measures_velocity = velocity_measured, estimates_motion = true;
 
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
         typename Saturation<T>::Coefficients saturation{};
         typename Filter::Coefficients filter{};
-        T position_gain{}, velocity_gain{};
+        typename Feedback::Coefficients feedback{};
+        T offset{};  // velocity at a sample over the change of the held force there
     };
     struct State {
         typename Reference<T>::State reference{};
         typename Filter::State filter{};
+        typename Feedback::Forces past{};
+        Vec2<T> along{};  // u_r, the last one
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
         return {.reference = Reference<T>::prepare(common.reference, common.step, p.datasheet.delay),
                 .saturation = Saturation<T>::prepare(common.force_limit),
                 .filter = Filter::Coefficients::prepare(p.adaptation, p.datasheet, common),
-                .position_gain = T(p.natural_frequency * p.natural_frequency),
-                .velocity_gain = T(1.41421356237309504880 * p.natural_frequency)};
+                .feedback = Feedback::prepare(p.feedback, common, p.datasheet.delay),
+                .offset = T(-common.step / 12.0)};
     }
 
     static Report report(const State& state, const Coefficients& c) {
@@ -73,24 +76,33 @@ struct LqgOf {
     }
     static bool sound(const State& state, const Coefficients& c) { return Filter::sound(state.filter, c.filter); }
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
-    static void start_over(State& state, bool keep_estimates) { Filter::start_over(state.filter, keep_estimates); }
+    static void start_over(State& state, bool keep_estimates) {
+        Filter::start_over(state.filter, keep_estimates);
+        state.past = {};
+    }
 
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
                                    .report = report(state, c)};
         const ReferencePoint<T>& r = signals.reference;
+        const bool first = !state.filter.started;
         if (missing == nullptr) {
             Filter::correct(state.filter, c.filter, measured, r);
         }
-        const Sample<T>& e = state.filter.error;
+        Sample<T> e = state.filter.error;
         signals.error = missing != nullptr ? *missing : velocity_measured ? tracking_error(measured, r) : e;
-        const typename Feedforward<T>::Coefficients known{signals.report.damping, signals.report.stiffness,
+        const typename Feedforward<T>::Coefficients plant{signals.report.damping, signals.report.stiffness,
                                                           T(2.0) * signals.report.rate};
-        const Vec2<T> wanted = Feedforward<T>::force(known, Reference<T>::held(state.reference, c.reference)) -
-                               c.position_gain * e.value - c.velocity_gain * e.derivative;
-        Saturation<T>::apply(signals, c.saturation, wanted, e.value);
+        const Vec2<T> along = Feedforward<T>::force(plant, Reference<T>::held(state.reference, c.reference));
+        if (!first) {
+            e.derivative = e.derivative - c.offset * (along - state.along);
+        }
+        state.along = along;
+        const Vec2<T> follows = Feedback::force(c.feedback, e, state.past);
+        Saturation<T>::apply(signals, c.saturation, along + follows, e.value);
         const Vec2<T>& acts = missing == nullptr ? signals.force : state.filter.force;
+        Feedback::remember(c.feedback, state.past, acts - along);
         Filter::predict(state.filter, c.filter, r, acts, missing == nullptr);
         return signals;
     }

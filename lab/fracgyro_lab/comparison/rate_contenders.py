@@ -64,9 +64,9 @@ CONTENDERS = (
     ),
     Contender(
         "lqg",
-        "linear-quadratic feedback on the joint Kalman filter",
-        "textbook; docs/decisions/0024",
-        kind("lqg") | {"controller.natural_frequency": 0.1},
+        "LQG on the joint Kalman filter, as shipped",
+        "textbook; docs/decisions/0024, 0049",
+        kind("lqg"),
         (),
         bandwidth=FORGETTING,
     ),

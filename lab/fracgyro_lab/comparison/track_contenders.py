@@ -196,19 +196,26 @@ CONTENDERS = (
         PID,
         observer=OBSERVER,
     ),
-    Contender(
-        "lqg",
-        "linear-quadratic feedback on the joint Kalman filter",
-        "textbook; docs/decisions/0024",
-        kind("lqg"),
-        PID[:1],
-    ),
-    Contender(
-        "internal_model",
-        "oscillators at the reference's frequencies in a constant Kalman filter",
-        "internal model principle; docs/decisions/0047",
-        kind("internal_model"),
-        (Gain("controller.loop_bandwidth", 0.05, 1.1, above="a loop that a step of delay makes unstable"),),
+    *(
+        Contender(
+            f"{name}{suffix}",
+            f"{words}{which}",
+            source,
+            kind(name) | {"controller.delay_margin": margin},
+            (Gain("controller.loop_bandwidth", 0.02, fastest, above=f"beyond {fastest} it is limited"),),
+        )
+        for name, words, source in (
+            ("lqg", "LQG on the joint Kalman filter", "textbook; docs/decisions/0024, 0049"),
+            (
+                "internal_model",
+                "oscillators at the reference's frequencies in a constant Kalman filter",
+                "internal model principle; docs/decisions/0047",
+            ),
+        )
+        for suffix, which, margin, fastest in (
+            ("", "", 1.0, 1.1),
+            ("_exact_delay", ", designed for exactly the stated delay", 0.0, 2.5),
+        )
     ),
     Contender(
         "park_horowitz",
