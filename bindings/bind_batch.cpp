@@ -91,6 +91,8 @@ private:
         return [&](std::size_t i) {
             if (users_.empty()) {
                 run(i, *make_double(*setups_[i]));
+            } else if (const auto filtered = filtered_user(*users_[i], setups_[i]->common)) {
+                run(i, *filtered);
             } else {
                 run(i, *users_[i]);
             }

@@ -181,6 +181,18 @@ void bind_controller(nb::module_& m) {
             return all;
         },
         nb::arg("kind"), "The channels that each of its types reports, as `chosen_type` counts them.");
+    m.def(
+        "filtered_types_of_kind",
+        [](std::size_t kind) {
+            std::vector<bool> takes;
+            with_params(params_of_kind(kind), [&]<class Family>(const auto&, Family) {
+                [&]<class... Types>(List<Types...>) {
+                    (takes.push_back(takes_filter<Types>), ...);
+                }(typename Family::template Types<double>{});
+            });
+            return takes;
+        },
+        nb::arg("kind"), "True for each of its types that takes a filter of the measured motions.");
 }
 
 }  // namespace fracgyro::bindings

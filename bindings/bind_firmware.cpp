@@ -4,6 +4,7 @@
 #include "fracgyro/sim/aggregate.hpp"
 #include "fracgyro/sim/unpacked.hpp"
 #include "fracgyro/hardware/guard.hpp"
+#include "fracgyro/hardware/motion_filter.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <nanobind/stl/string.h>
@@ -46,9 +47,9 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
     with_controller<T>(s.controller, [&]<class C>() {
         const auto size = [&]<std::size_t Capacity>() {
             using Sized = typename SizedController<C, Capacity>::Type;
-            using WithoutVelocity = typename FromPositions<Sized>::Type;
-            return s.common.observer_bandwidth > 0.0 ? sizeof(typename Guard<WithoutVelocity>::State)
-                                                     : sizeof(typename Guard<Sized>::State);
+            std::size_t bytes = 0;
+            for_sensors<Sized>(s.common, [&]<class Seen>() { bytes = sizeof(typename Guard<Seen>::State); });
+            return bytes;
         };
         [&]<std::size_t... I>(std::index_sequence<I...>) {
             found = ((2 * (I + 1) == capacity ? size.template operator()<2 * (I + 1)>() : 0) + ...);
@@ -60,8 +61,9 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
 template <Scalar T>
 nb::object coefficients(const Setup& s) {
     nb::object found;
-    with_controller<T>(s.controller, s.common.observer_bandwidth > 0.0,
-                       [&]<class C>() { found = nested(prepare<Guard<C>>(s.controller, s.common)); });
+    with_controller<T>(s.controller, [&]<class C>() {
+        for_sensors<C>(s.common, [&]<class Seen>() { found = nested(prepare<Guard<Seen>>(s.controller, s.common)); });
+    });
     return found;
 }
 

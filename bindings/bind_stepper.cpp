@@ -112,7 +112,8 @@ public:
     explicit LoopHolder(const RunSetup& s) : owner_(s.owner), own_(make_double(s)), loop_(new RunningLoop(s, *own_)) {}
     LoopHolder(const RunSetup& s, UserController* user, const Units& units) : owner_(s.owner), user_(user) {
         user->begin(units, s.common);
-        loop_ = std::make_unique<RunningLoop>(s, *user, false);
+        own_ = filtered_user(*user, s.common);
+        loop_ = std::make_unique<RunningLoop>(s, own_ != nullptr ? *own_ : *user, false);
     }
 
     // Rows of the next samples, fewer if the motion diverges.

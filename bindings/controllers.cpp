@@ -13,4 +13,8 @@ std::unique_ptr<GuardedController> make_guarded(const Setup& setup, bool single)
     return fracgyro::make_guarded(make_double(setup), setup.common);
 }
 
+std::unique_ptr<AnyController<double>> filtered_user(UserController& user, const Common& common) {
+    return behind_filter<double>(user, common);
+}
+
 }  // namespace fracgyro::bindings

@@ -10,5 +10,7 @@ std::unique_ptr<AnyController<double>> make_double(const Setup& setup);
 std::unique_ptr<GuardedController> make_guarded(const Setup& setup, bool single);
 
 using Users = std::vector<UserController*>;
+// A user's controller behind the filter of the setup; nullptr without one.
+std::unique_ptr<AnyController<double>> filtered_user(UserController& user, const Common& common);
 
 }  // namespace fracgyro::bindings

@@ -6,6 +6,7 @@
 #include "closed_loop.hpp"
 
 #include "fracgyro/hardware/guard.hpp"
+#include "fracgyro/hardware/motion_filter.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -16,12 +17,8 @@
 namespace fracgyro {
 
 using Registered = RegisteredController<exported::Number, exported::kind, exported::chosen>;
-inline constexpr bool from_positions = exported::observer_bandwidth > 0.0;
-template <class C>
-struct FromMotions {
-    using Type = C;
-};
-using Unguarded = std::conditional_t<from_positions, FromPositions<Registered>, FromMotions<Registered>>::Type;
+inline constexpr bool from_positions = exported::sensing[0] > 0.0, filtered = exported::sensing[1] > 0.0;
+using Unguarded = ForSensors<Registered, from_positions, filtered>::Type;
 // A closed loop needs no guard: the measurements come from the FMU's own simulation and have no faults.
 using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
 using Loop = std::conditional_t<exported::ideal, IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
@@ -358,7 +355,7 @@ private:
             std::copy(exported::poles.begin(), exported::poles.end(), kernel->poles.begin());
             std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
         }
-        setup_.common.observer_bandwidth = exported::observer_bandwidth;
+        take_sensing(setup_.common, exported::sensing);
         take_terms(setup_.disturbance, exported::terms);
         Loop::take_device(setup_, numbers.data() + setting_count(setup_));
         if (exported::reference_is_input) {

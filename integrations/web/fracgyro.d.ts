@@ -26,6 +26,8 @@ export interface Scenario {
   readonly settings: Settings;
   /** Scales of the settings in SI units: setting / scale is nondimensional. */
   readonly scales: Partial<Record<SettingName, number>>;
+  /** Noise and delay, nondimensional, that controller.filter assumes where the settings have no datasheet. */
+  readonly assumed?: Readonly<Record<"force_noise" | "position_noise" | "velocity_noise" | "delay", number>>;
   /** Lists of the reference: of each term of sines amplitude, frequency and phase, each x, y; of each row of a table
    * time, position, velocity and acceleration, each x, y. */
   readonly reference?: { readonly terms: readonly number[]; readonly rows: readonly number[] };

@@ -27,6 +27,8 @@ const LARGEST_RECORD = 2e9; // bytes
 const BUFFERED = 4096; // rows
 // What the guard thinks of a sample, by number; 5 is a saved state refused.
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
+// Numbers of the datasheet that the filter of the measured motions needs.
+const FILTERED = ["force_noise", "position_noise", "velocity_noise", "delay"];
 
 const channelOf = (column) => column.split(/[.[]/)[0];
 
@@ -67,13 +69,13 @@ class Fracgyro {
 
   // The closed loop in parts, from t = 0 on, and beyond run.duration if asked.
   async loop(scenario, changes = {}) {
-    const { settings, core, loop, valuesOf } = await this.#started(scenario, changes);
+    const { settings, sensing, core, loop, valuesOf } = await this.#started(scenario, changes);
     const step = settings["run.step"];
     const first = { ...settings };
     // The key identifies the start of the loop; kind, sensors and exponentials are not among the values.
-    const design = ["controller.kind", "device.sensing", "controller.observer_bandwidth", "run.kernel_tolerance"];
+    const design = ["controller.kind", "device.sensing", "run.kernel_tolerance"];
     const { reference = null, device = null } = scenario;
-    const started = [design.map((name) => first[name]), valuesOf(first), reference, device];
+    const started = [design.map((name) => first[name]), sensing, valuesOf(first), reference, device];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
     const checked = (before, changes) => this.#checked(before, changes);
@@ -201,8 +203,8 @@ class Fracgyro {
   // A loop, in an instance of its own, that writes rows of its columns.
   async #started(scenario, changes) {
     const prepared = await this.#prepare(scenario, changes);
-    const { core, reported, observed } = prepared;
-    const device = observed || "device" in scenario;
+    const { core, settings, reported, observed } = prepared;
+    const device = observed || settings["controller.filter"] === "kalman" || "device" in scenario;
     const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const width = columns.length;
     const buffer = core.room_for(BUFFERED * width) >>> 0;
@@ -263,7 +265,10 @@ class Fracgyro {
     core.doubles(core.setting_values(), values.length).set(values);
     const place = this.fields["controller.kind"].choices.indexOf(kind);
     const observed = settings["device.sensing"] === "position";
-    const bandwidth = observed ? settings["controller.observer_bandwidth"] : 0;
+    const filter = settings["controller.filter"];
+    const bandwidth = settings["controller.observer_bandwidth"];
+    const assumed = FILTERED.map((name) => settings[`datasheet.${name}`] ?? scenario.assumed?.[name] ?? 0);
+    const sensing = [observed ? bandwidth : 0, ...(filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0])];
     const placed = (numbers) => {
       const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
       core.doubles(at, numbers.length).set(numbers);
@@ -280,10 +285,14 @@ class Fracgyro {
     }
     const { terms, rows } = scenario.reference ?? { terms: [], rows: [] };
     core.reference_lists(terms.length, placed(terms), rows.length, placed(rows));
-    if (!core.setup_done(place, bandwidth, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
+    const between = placed(sensing);
+    if (!core.setup_done(place, between, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
     }
-    return { core, settings, reported: reported[core.chosen_type()], observed, valuesOf };
+    if (!core.filter_fits()) {
+      throw new RangeError(`controller.filter is ${filter}: ${kind} filters the measurements itself; it must be none`);
+    }
+    return { core, settings, sensing, reported: reported[core.chosen_type()], observed, valuesOf };
   }
 
   // A term of the disturbance as a list: its numbers, how many rows it has, and their columns.

@@ -100,14 +100,16 @@ EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(c
 
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
-// The kind is a place in the registry; the bandwidth, that of the observer of velocity, 0: the velocity is measured.
+// The kind is a place in the registry; `sensing`: observer and filter, as sensing_of in settings.hpp lists them;
 // `device`: the numbers of a moving rate and a real device, or nullptr. Designs the exponentials of a controller with
 // memory. Returns whether there are such.
-EXPORT bool setup_done(std::size_t kind, double observer_bandwidth, double duration, double tolerance,
+EXPORT bool setup_done(std::size_t kind, const double* sensing, double duration, double tolerance,
                        const double* device) {
     setup.controller = params_of_kind(kind);
     take_settings(setup, values.data());
-    setup.common.observer_bandwidth = observer_bandwidth;
+    SensingNumbers numbers{};
+    std::copy_n(sensing, numbers.size(), numbers.begin());
+    take_sensing(setup.common, numbers);
     if (device != nullptr) {
         take_device_settings(setup, device);
     }
@@ -121,6 +123,12 @@ EXPORT bool setup_done(std::size_t kind, double observer_bandwidth, double durat
 // The terms of a sum of sines and the rows of a table, as lists_from takes them; before `setup_done`.
 EXPORT void reference_lists(std::size_t terms, const double* term, std::size_t rows, const double* row) {
     setup.lists = Shared<ReferenceLists>(lists_from({term, terms}, {row, rows}));
+}
+// Returns true if the controller takes a filter of the measured motions, or there is none.
+EXPORT bool filter_fits() {
+    bool fits = !setup.common.filter.on();
+    with_controller<double>(setup.controller, [&]<class C>() { fits = fits || takes_filter<C>; });
+    return fits;
 }
 // Which of the kind's types it is: what it reports depends on that.
 EXPORT std::size_t chosen_type() {
@@ -194,7 +202,8 @@ EXPORT void controller_start(bool single) {
 EXPORT std::uint32_t controller_key() {
     const std::size_t kind = setup.controller.index();
     std::uint32_t sum = checksum(&kind, sizeof kind);
-    sum = checksum(&setup.common.observer_bandwidth, sizeof(double), sum);
+    const SensingNumbers sensing = sensing_of(setup.common);
+    sum = checksum(sensing.data(), sizeof sensing, sum);
     sum = checksum(values.data(), sizeof values, sum);
     if (const ExponentialSum* const kernel = kernel_of(setup.controller)) {
         sum = checksum(kernel->poles.data(), kernel->count * sizeof kernel->poles[0], sum);

@@ -27,7 +27,7 @@ struct Response {
 Response response(const SmoothFeedbackParams& p, std::int64_t delay, std::int64_t late) {
     const Common common{.step = 1.0};
     const auto gains = SmoothFeedbackDesign::prepare(p, common, delay).axes[0];
-    const auto map = SmoothFeedbackDesign::plant_of(common, 0);
+    const auto map = held_plant::one_axis(common.nominal, common.step, 0);
     Response sum{};
     double e = map[0][2], v = map[1][2];  // after an impulse
     std::array<double, 12> force{};

@@ -56,6 +56,7 @@ KINDS = {
     ),
     "density": SHORT.replace({"disturbance.standard_deviation": None, "disturbance.density": 1.7e-3}),
     "observer": SHORT.replace({"device.sensing": "position", "device.position_noise_density": 1e-14}),
+    "filter": SHORT.replace({"controller.filter": "kalman", "device.position_noise_density": 1e-14}),
     "device": SHORT.replace(
         {
             "device.position_noise_density": 1e-14,

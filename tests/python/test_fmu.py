@@ -87,6 +87,9 @@ SCENARIOS = {
     "known parameters, sine": SINE,
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid"}),
     "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
+    "PID behind the filter": SHORT.replace(
+        {"controller.kind": "pid", "controller.filter": "kalman", "device.velocity_noise": 1e-8, "device.delay": 1}
+    ),
     **{
         kind: SHORT.replace({"controller.kind": kind})
         for kind in ("resonant", "nonsingular_terminal", "lqg", "force_rebalance")

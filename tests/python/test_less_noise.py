@@ -15,6 +15,7 @@ DEVICES = ("paper", "dual_mass", "tuned_in_air", "disc", "paper_resonance")
 LAWS: dict[str, dict[str, Any]] = {
     "lqg": {"controller.kind": "lqg"},
     "sliding mode": {"adaptation.kind": "joint"},
+    "PID behind the filter": {"controller.kind": "pid", "controller.filter": "kalman"},
 }
 DENSITIES = (0.0, 1e-17, 1e-16, 1e-15, 1e-14, 1e-13)  # m/sqrt(Hz)
 MARGIN = 1.1  # for statistics: with these steps an RMS is within 3 % of its expectation
@@ -32,6 +33,8 @@ def scenario(device: str, law: str, sensing: str, density: float, **more: Any) -
         **LAWS[law],
         **{key.replace("__", "."): value for key, value in more.items()},
     }
+    if law == "PID behind the filter":
+        changes["controller.natural_frequency"] = 0.3 / base.run.step
     if device == "paper":
         changes["controller.force_limit"] = 1000.0
     return base.replace(changes)

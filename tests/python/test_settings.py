@@ -20,6 +20,7 @@ BESIDES = {
     "run.record_every",
     "run.kernel_tolerance",
     "device.sensing",
+    "controller.filter",
     "controller.observer_bandwidth",
 }
 ROOT = Path(__file__).resolve().parents[2]

@@ -98,6 +98,12 @@ SCENARIOS = {
         }
     ),
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid", "controller.force_limit": 6000.0}),
+    "PID behind the filter": SHORT.replace(
+        {"controller.kind": "pid", "controller.filter": "kalman", "controller.force_limit": 6000.0}
+    ),
+    "sliding mode behind the filter of positions": SHORT.replace(
+        {"controller.filter": "kalman", "device.sensing": "position", "device.position_noise": 1e-11, "device.delay": 1}
+    ),
     **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
     "disturbances that add up": LIST,
     "integer order": SHORT.replace({"controller.order": 1.0}),
@@ -143,6 +149,7 @@ CHANGES = {
     "a coarse tolerance": ({"run.kernel_tolerance": 1e-2}, 3.0),
     "few steps": ({"run.duration": 0.005}, 0.005),
     "positions only": ({"device.sensing": "position", "controller.observer_bandwidth": 200.0}, 3.0),
+    "the filter": ({"controller.filter": "kalman", "controller.observer_bandwidth": 200.0}, 3.0),
 }
 
 
@@ -477,6 +484,9 @@ WRONG = {
     "fractional_fast_terminal",
     '{ "controller.kind": "pid" }': "controller.natural_frequency is missing: it must be given",
     '{ "device.sensing": "velocity" }': "device.sensing is velocity: it must be one of full, position",
+    '{ "controller.filter": "kalman", "adaptation.kind": "joint" }': (
+        "controller.filter is kalman: fractional_fast_terminal filters the measurements itself; it must be none"
+    ),
     '{ "controller.observer_bandwidth": 0 }': "controller.observer_bandwidth is 0: it must be greater than 0",
     '{ "controller.adaptive": 1 }': "controller.adaptive is 1: it must be one of false, true",
     '{ "plant.angular_rate": NaN }': "plant.angular_rate is NaN: it must be a finite number",

@@ -1,6 +1,7 @@
 // Parameters shared by all controllers of a loop.
 #pragma once
 
+#include "fracgyro/control/datasheet.hpp"
 #include "fracgyro/control/reference.hpp"
 #include "fracgyro/control/signals.hpp"
 
@@ -39,6 +40,14 @@ struct GuardParams {
     }
 };
 
+// Parameters of the filter between sensors and controller (hardware/motion_filter.hpp).
+struct FilterParams {
+    double bandwidth = 0.0;  // at which the missing acceleration is estimated; 0: no filter
+    Datasheet assumed{};
+
+    bool on() const { return bandwidth > 0.0; }
+};
+
 // Nondimensional.
 struct Common {
     double step = 1e-3;
@@ -47,6 +56,7 @@ struct Common {
     double force_limit = std::numeric_limits<double>::infinity();  // |u| on each axis; infinity: off
     GuardParams guard{};
     double observer_bandwidth = 0.0;  // bandwidth of the observer (hardware/observer.hpp); 0: the velocity is measured
+    FilterParams filter{};
 
     static constexpr auto fields() {
         using C = Common;

@@ -16,6 +16,7 @@
 #pragma once
 
 #include "fracgyro/control/common.hpp"
+#include "fracgyro/control/held_plant.hpp"
 #include "fracgyro/core/riccati.hpp"
 
 namespace fracgyro {
@@ -59,16 +60,6 @@ struct SmoothFeedbackDesign {
         return margin * maximum(0.0, 1.0 - 0.29 / bandwidth) / (1.0 + 0.25 * delay);
     }
 
-    // Map of [e/h², ė/h] and a held force of one axis over a step.
-    static Matrix<3> plant_of(const Common& common, std::size_t axis) {
-        const auto of = [axis](const Vec2<double>& v) { return axis == 0 ? v.x() : v.y(); };
-        Matrix<3> decoupled{};
-        decoupled[0][1] = decoupled[1][2] = 1.0;
-        decoupled[1][0] = -of(common.nominal.stiffness.diagonal) * common.step * common.step;
-        decoupled[1][1] = -of(common.nominal.damping.diagonal) * common.step;
-        return expm(decoupled, 1.0);
-    }
-
     [[gnu::noinline]] static SmoothFeedbackDesign prepare(const SmoothFeedbackParams& p, const Common& common,
                                                           std::int64_t stated_delay) {
         const auto delay = static_cast<std::size_t>(stated_delay);
@@ -77,7 +68,8 @@ struct SmoothFeedbackDesign {
         const double late = late_share(bandwidth, p.delay_margin, steps);
         SmoothFeedbackDesign found{.past = delay + 1 < 2 ? 2 : delay + 1};
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            found.axes[axis] = found.design(plant_of(common, axis), bandwidth, late, delay);
+            found.axes[axis] =
+                found.design(held_plant::one_axis(common.nominal, common.step, axis), bandwidth, late, delay);
             found.axes[axis][0] = found.axes[axis][0] / (common.step * common.step);
             found.axes[axis][1] = found.axes[axis][1] / common.step;
         }

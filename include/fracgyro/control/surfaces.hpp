@@ -52,8 +52,11 @@ struct SurfaceParams {
 
 // Share χ of the measured position in the error that the fractional operator differentiates, if the positions are
 // noisy: the gain of the stationary Kalman filter for a position whose velocity is measured, λ = h σ_v/σ_q. The
-// velocity noise of an observer is what one sample adds. Exact positions: 1, the measured ones.
+// velocity noise of an observer is what one sample adds. Exact or filtered positions: 1, the given ones.
 inline double position_share(const Datasheet& assumed, const Common& common) {
+    if (common.filter.on()) {
+        return 1.0;
+    }
     const double forgets = exponential(-common.observer_bandwidth * common.step);
     const double observed = 1.5 * (1.0 - forgets * forgets) * (1.0 - forgets) * assumed.position_noise;
     const double travel = common.observer_bandwidth > 0.0 ? observed : common.step * assumed.velocity_noise;

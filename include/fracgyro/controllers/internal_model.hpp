@@ -28,9 +28,7 @@ struct InternalModelOf {
     static constexpr bool measures_velocity = velocity_measured;
     static constexpr std::size_t sensors = velocity_measured ? 2 : 1;  // positions, velocities
 
-    struct Gain {
-        std::array<Vec2<T>, sensors> of{};
-    };
+    using Gain = FilterGain<T, sensors>;
     struct Oscillator {
         SineCosine<T> turn{}, ahead{};  // by a step, by the delay
         Gain cosine{}, sine{};
@@ -61,18 +59,8 @@ struct InternalModelOf {
 
     static Coefficients prepare(const Params& p, const Common& common) {
         const Design found = Design::prepare(p, common, velocity_measured);
-        const auto block = [](const auto& rows, std::size_t row, std::size_t column) {
-            return Matrix2<T>{{T(rows[row][column]), T(rows[row + 1][column])},
-                              {T(rows[row][column + 1]), T(rows[row + 1][column + 1])}};
-        };
         const auto of_columns = [](const Design::Columns& a) { return Matrix2<T>{cast<T>(a[0]), cast<T>(a[1])}; };
-        const auto gain = [&](std::size_t state) {
-            Gain g;
-            for (std::size_t i = 0; i < sensors; ++i) {
-                g.of[i] = {T(found.filter[0][state][i]), T(found.filter[1][state][i])};
-            }
-            return g;
-        };
+        const auto gain = [&](std::size_t state) { return Gain::prepare(found.filter, state); };
         Coefficients c{.reference = Reference<T>::prepare(common.reference, common.step),
                        .saturation = Saturation<T>::prepare(common.force_limit),
                        .position = gain(0),
@@ -89,14 +77,9 @@ struct InternalModelOf {
             c.accelerates = c.accelerates || squared_norm(column) > 0.0;
         }
         c.ripple = of_columns(found.ripple);
-        Matrix<6> map = found.map;  // from units of the step
-        for (std::size_t i = 0; i < 2; ++i) {
-            for (std::size_t j = 0; j < 6; ++j) {
-                map[i][j] *= j < 2 ? 1.0 : j < 4 ? h : h * h;
-                map[i + 2][j] *= j < 2 ? 1.0 / h : j < 4 ? 1.0 : h;
-            }
-        }
-        c.map = {block(map, 0, 0), block(map, 0, 2), block(map, 2, 0), block(map, 2, 2)};
+        const Matrix<6> map = held_plant::without_units(found.map, h);
+        const auto block = [&](std::size_t row, std::size_t column) { return held_plant::block<T>(map, row, column); };
+        c.map = {block(0, 0), block(0, 2), block(2, 0), block(2, 2)};
         c.push = {Vec2<T>{T(map[0][4]), T(map[1][5])}, Vec2<T>{T(map[2][4]), T(map[3][5])}};
         for (std::size_t i = 0; i < found.count; ++i) {
             const double angle = found.frequencies[i] * h, late = static_cast<double>(p.datasheet.delay) * angle;
@@ -155,14 +138,6 @@ struct InternalModelOf {
     }
 
 private:
-    static Vec2<T> through(const Gain& gain, const Sample<T>& miss) {
-        Vec2<T> moved = gain.of[0] * miss.value;
-        if constexpr (velocity_measured) {
-            moved = moved + gain.of[1] * miss.derivative;
-        }
-        return moved;
-    }
-
     static void correct(State& state, const Coefficients& c, const Motion<T>& measured, const ReferencePoint<T>& r) {
         Sample<T>& z = state.error;
         Sample<T> seen = tracking_error(measured, r);
@@ -178,12 +153,12 @@ private:
             return;
         }
         const Sample<T> miss{.value = seen.value - z.value, .derivative = seen.derivative - z.derivative};
-        z.value = z.value + through(c.position, miss);
-        z.derivative = z.derivative + through(c.velocity, miss);
-        state.constant = state.constant + through(c.constant, miss);
+        z.value = z.value + c.position.times(miss.value, miss.derivative);
+        z.derivative = z.derivative + c.velocity.times(miss.value, miss.derivative);
+        state.constant = state.constant + c.constant.times(miss.value, miss.derivative);
         for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
-            state.cosine[i] = state.cosine[i] + through(c.oscillators[i].cosine, miss);
-            state.sine[i] = state.sine[i] + through(c.oscillators[i].sine, miss);
+            state.cosine[i] = state.cosine[i] + c.oscillators[i].cosine.times(miss.value, miss.derivative);
+            state.sine[i] = state.sine[i] + c.oscillators[i].sine.times(miss.value, miss.derivative);
         }
     }
 

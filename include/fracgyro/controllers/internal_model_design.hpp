@@ -1,11 +1,9 @@
-// Design of the internal model (internal_model.hpp): its gains, computed once in double precision.
-//
-//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one. Each
-//    axis has a filter of its own, for a plant without coupling, as in smooth_feedback.hpp; the prediction includes it.
+// Design of the internal model (internal_model.hpp): its gains, computed once in double precision. Those of its filter
+// are in hardware/filter_design.hpp, for z = [e, ė].
 #pragma once
 
-#include "fracgyro/control/datasheet.hpp"
 #include "fracgyro/control/smooth_feedback.hpp"
+#include "fracgyro/hardware/filter_design.hpp"
 
 namespace fracgyro {
 
@@ -27,32 +25,33 @@ struct InternalModelParams {
 };
 
 struct InternalModelDesign {
-    static constexpr std::size_t max_frequencies = 4, room = 3 + 2 * max_frequencies;
-    using Square = LeadingMatrix<room>;
+    static constexpr std::size_t max_frequencies = filter_design::max_frequencies;
     using Columns = std::array<Vec2<double>, 2>;
 
     double step = 0.0;
     std::array<double, max_frequencies> frequencies{};
     std::size_t count = 0;
-    Matrix<6> map{};                         // for z and a held force, both axes
-    std::array<Table<room, 2>, 2> filter{};  // gains of a measured position and velocity, for each axis
-    std::array<Columns, 3> feedforward{};    // matrices of r, ṙ, r̈
-    Columns ripple{};                        // and of the velocity that u_r leaves at the samples, of ṙ
+    Matrix<6> map{};  // for z and a held force, both axes
+    std::array<filter_design::Gains, 2> filter{};
+    std::array<Columns, 3> feedforward{};  // matrices of r, ṙ, r̈
+    Columns ripple{};                      // and of the velocity that u_r leaves at the samples, of ṙ
 
     [[gnu::noinline]] static InternalModelDesign prepare(const InternalModelParams& p, const Common& common,
                                                          bool velocity_measured) {
         InternalModelDesign c{.step = common.step};
-        const Sym2<double>&k = common.nominal.stiffness, &d = common.nominal.damping;
-        const double h = common.step, twice_rate = 2.0 * common.nominal.rate;
-        Matrix<6> system{};
-        system[0][2] = system[1][3] = system[2][4] = system[3][5] = 1.0;
-        system[2] = {-k.xx() * h * h, -k.xy() * h * h, -d.xx() * h, -(d.xy() - twice_rate) * h, 1.0, 0.0};
-        system[3] = {-k.xy() * h * h, -k.yy() * h * h, -(d.xy() + twice_rate) * h, -d.yy() * h, 0.0, 1.0};
-        c.map = expm(system, 1.0);
+        const double h = common.step;
+        c.map = held_plant::both_axes(common.nominal, h);
         c.find_frequencies(common.reference, 1e-4 * p.learning_bandwidth);
         const auto delay = static_cast<double>(p.datasheet.delay);
+        filter_design::Oscillators known{.count = c.count};
+        for (std::size_t n = 0; n < c.count; ++n) {
+            known.angle[n] = c.frequencies[n] * h;
+            known.ripple[n] = c.ripple_of(n) / h;
+        }
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            c.design_filter(axis, SmoothFeedbackDesign::plant_of(common, axis), p, k, velocity_measured);
+            c.filter[axis] =
+                filter_design::gains(held_plant::one_axis(common.nominal, h, axis), h, common.nominal.stiffness,
+                                     p.datasheet, p.learning_bandwidth, known, velocity_measured);
             c.design_feedforward(common, axis, delay);
         }
         return c;
@@ -67,7 +66,7 @@ struct InternalModelDesign {
     }
 
 private:
-    static double of(const Vec2<double>& v, std::size_t axis) { return axis == 0 ? v.x() : v.y(); }
+    static double of(const Vec2<double>& v, std::size_t axis) { return held_plant::of(v, axis); }
     static bool is_sine(const ReferenceParams& r, std::size_t axis) {
         return r.course == nullptr || r.kind[axis] == ReferenceKind::sine;
     }
@@ -111,65 +110,6 @@ private:
                     add(term.amplitude[axis], term.frequency[axis]);
                 }
             }
-        }
-    }
-
-    // States: z, the constant force, then cosine and sine at each frequency.
-    void design_filter(std::size_t axis, const Matrix<3>& plant, const InternalModelParams& p, const Sym2<double>& k,
-                       bool velocity_measured) {
-        const double h = step, square = maximum(0.5 * absolute(k.xx() + k.yy()), 1e-6);
-        // A plant that is a few percent off moves the mass by more than a smaller disturbance would.
-        const double by_position = square * p.datasheet.position_noise;
-        const double by_velocity = square_root(square) * p.datasheet.velocity_noise;
-        const double sensed = velocity_measured ? minimum(by_position, by_velocity) : by_position;
-        const double force = maximum(maximum(p.datasheet.force_noise, sensed), 1e-6 * square);
-        // A sensor below a hundredth of the motion that the disturbance causes in a step gains nothing.
-        const auto variance = [](double noise, double floor) { return noise > floor ? noise * noise : floor * floor; };
-        const double position = variance(p.datasheet.position_noise / (h * h * force), 0.005);
-        const double velocity = variance(p.datasheet.velocity_noise / (h * force), 0.01);
-        const double learned = p.learning_bandwidth * h, grows = learned * learned;
-
-        Square a{.size = 3 + 2 * count}, noise{.size = a.size};
-        for (std::size_t row = 0; row < 2; ++row) {
-            for (std::size_t column = 0; column < 2; ++column) {
-                a[row][column] = plant[row][column];
-                noise[row][column] = plant[row][2] * plant[column][2];
-            }
-            a[row][2] = plant[row][2];
-            for (std::size_t n = 0; n < count; ++n) {
-                a[row][3 + 2 * n] = plant[row][2];
-            }
-        }
-        a[2][2] = 1.0;
-        noise[2][2] = grows;
-        for (std::size_t n = 0; n < count; ++n) {
-            const std::size_t cosine = 3 + 2 * n, sine = cosine + 1;
-            const auto turn = sine_cosine<double>(phase_of(frequencies[n] * h));
-            a[cosine][cosine] = a[sine][sine] = turn.cosine;
-            a[cosine][sine] = turn.sine;
-            a[sine][cosine] = -turn.sine;
-            noise[cosine][cosine] = noise[sine][sine] = 2.0 * grows;
-        }
-        const auto measure = [&]<std::size_t Sensors>(const std::array<double, Sensors>& variances) {
-            Table<room, Sensors> c{};
-            for (std::size_t i = 0; i < Sensors; ++i) {
-                c[i][i] = 1.0;
-                for (std::size_t n = 0; n < count && i == 1; ++n) {
-                    c[4 + 2 * n][i] = ripple_of(n) / h;
-                }
-            }
-            const auto gain = riccati_gain(riccati(a.transposed(), c, noise, variances), c, variances);
-            for (std::size_t i = 0; i < a.size; ++i) {
-                const double unit = i == 0 ? h * h : i == 1 ? h : 1.0;
-                for (std::size_t j = 0; j < Sensors; ++j) {
-                    filter[axis][i][j] = gain[j][i] * unit / (j == 0 ? h * h : h);
-                }
-            }
-        };
-        if (velocity_measured) {
-            measure(std::array{position, velocity});
-        } else {
-            measure(std::array{position});
         }
     }
 

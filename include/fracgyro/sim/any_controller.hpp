@@ -4,6 +4,7 @@
 #pragma once
 
 #include "fracgyro/core/saved.hpp"
+#include "fracgyro/hardware/motion_filter.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/metrics.hpp"
 
@@ -25,6 +26,8 @@ public:
     virtual void start_over(bool keep_estimates) = 0;
     virtual std::uint64_t steps() const = 0;
     virtual bool needs_velocity() const { return true; }
+    // True if a filter between the sensors and the controller would be of use (motion_filter.hpp).
+    virtual bool takes_filter() const { return true; }
     // Sets other parameters, of the same type, from the coming step on.
     virtual void set(const ControllerParams& params, const Common& common) = 0;
 
@@ -76,6 +79,7 @@ public:
     void start_over(bool keep_estimates) override { C::start_over(state_, keep_estimates); }
     std::uint64_t steps() const override { return C::steps(state_); }
     bool needs_velocity() const override { return measures_velocity<C>; }
+    bool takes_filter() const override { return fracgyro::takes_filter<C>; }
     void set(const ControllerParams& params, const Common& common) override {
         coefficients_ = prepare<C>(params, common);
     }
@@ -140,7 +144,81 @@ private:
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };
 
-// The controller with these parameters; for a device without velocity sensors, one that needs none or that will be put
+// Another controller behind the filter, whose state comes before that of the controller.
+template <Scalar T, bool velocity_measured>
+class FilteredController final : public AnyController<T> {
+    using Filter = MotionFilter<T, velocity_measured>;
+    using State = typename Filter::State;
+
+public:
+    FilteredController(AnyController<T>& controller, const Common& common,
+                       std::unique_ptr<AnyController<T>> owned = nullptr)
+        : controller_(controller), owned_(std::move(owned)), coefficients_(Filter::prepare(common)) {
+        clear(state_);
+    }
+
+    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
+        return Filter::step(state_, coefficients_, measured, missing != nullptr,
+                            [&](const Motion<T>& seen) { return controller_.step(seen, missing); });
+    }
+    void start_over(bool keep_estimates) override {
+        controller_.start_over(keep_estimates);
+        Filter::start_over(state_, keep_estimates);
+    }
+    std::uint64_t steps() const override { return controller_.steps(); }
+    bool needs_velocity() const override { return velocity_measured; }
+    bool takes_filter() const override { return false; }
+    void set(const ControllerParams& params, const Common& common) override {
+        controller_.set(params, common);
+        coefficients_ = Filter::prepare(common);
+    }
+
+    std::span<const double> report() override { return controller_.report(); }
+    CommonReport common_report() override { return controller_.common_report(); }
+    double rate() override { return controller_.rate(); }
+    bool estimates_rate() const override { return controller_.estimates_rate(); }
+    std::vector<double> report_between_steps() const override { return controller_.report_between_steps(); }
+    CommonReport common_report_between_steps() const override { return controller_.common_report_between_steps(); }
+
+    std::size_t state_size() const override { return sizeof(State) + controller_.state_size(); }
+    void save(unsigned char* bytes) const override {
+        copy_bytes(bytes, &state_, sizeof(State));
+        controller_.save(bytes + sizeof(State));
+    }
+    bool restore(const unsigned char* bytes, std::uint64_t steps) override {
+        State read;
+        copy_bytes(&read, bytes, sizeof(State));
+        const bool can = Filter::sound(read) && controller_.restore(bytes + sizeof(State), steps);
+        if (can) {
+            state_ = read;
+        }
+        return can;
+    }
+    std::uint64_t steps_of(const unsigned char* bytes) const override {
+        return controller_.steps_of(bytes + sizeof(State));
+    }
+
+private:
+    AnyController<T>& controller_;
+    std::unique_ptr<AnyController<T>> owned_;
+    typename Filter::Coefficients coefficients_{};
+    State state_;
+};
+
+// The controller behind the filter; nullptr if there is none for it.
+template <Scalar T>
+std::unique_ptr<AnyController<T>> behind_filter(AnyController<T>& controller, const Common& common,
+                                                std::unique_ptr<AnyController<T>> owned = nullptr) {
+    if (!common.filter.on() || !controller.takes_filter()) {
+        return nullptr;
+    }
+    if (common.observer_bandwidth > 0.0) {
+        return std::make_unique<FilteredController<T, false>>(controller, common, std::move(owned));
+    }
+    return std::make_unique<FilteredController<T, true>>(controller, common, std::move(owned));
+}
+
+// The controller with these parameters, behind its filter; for a device without velocity sensors, one that needs none or that will be put
 // behind an observer (with_erased).
 template <Scalar T>
 std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {
@@ -155,6 +233,10 @@ std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params
         }
         made = std::make_unique<ControllerOf<C>>(params, common);
     });
+    if (common.filter.on() && made->takes_filter()) {
+        AnyController<T>& plain = *made;
+        return behind_filter<T>(plain, common, std::move(made));
+    }
     return made;
 }
 

@@ -45,7 +45,9 @@ public:
     }
     // Sets other numbers from the coming sample on; the estimates stay. Returns true if that is possible.
     bool set(const PlantSetup& other) {
-        const bool can = !checks_ || same_controller(setup_.controller, other.controller);
+        const FilterParams &one = setup_.common.filter, &next = other.common.filter;
+        const bool can = (!checks_ || same_controller(setup_.controller, other.controller)) && one.on() == next.on() &&
+                         one.assumed.delay == next.assumed.delay;
         if (can) {
             controller_->set(other.controller, other.common);
             take(other);

@@ -98,6 +98,24 @@ inline void take_terms(DisturbanceParams& disturbance, std::span<const double> n
     }
 }
 
+// Observer and filter as numbers: the bandwidth of each, 0 without it; noise of force, position and velocity, and the
+// delay, that the filter assumes.
+using SensingNumbers = std::array<double, 6>;
+inline SensingNumbers sensing_of(const Common& common) {
+    const FilterParams& f = common.filter;
+    return {common.observer_bandwidth, f.bandwidth,
+            f.assumed.force_noise,     f.assumed.position_noise,
+            f.assumed.velocity_noise,  static_cast<double>(f.assumed.delay)};
+}
+inline void take_sensing(Common& common, const SensingNumbers& numbers) {
+    common.observer_bandwidth = numbers[0];
+    common.filter = {.bandwidth = numbers[1],
+                     .assumed = {.force_noise = numbers[2],
+                                 .position_noise = numbers[3],
+                                 .velocity_noise = numbers[4],
+                                 .delay = static_cast<std::int64_t>(numbers[5])}};
+}
+
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.
 inline Setup setup_from(std::size_t kind, std::span<const double> numbers, double observer_bandwidth,
                         std::span<const double> poles, std::span<const double> weights) {

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.kinds import kinds_with
+from fracgyro.scenario.printing import values
 from fracgyro.scenario.table import format_value
 from fracgyro.scenario.to_core import equivalent_sine, natural_frequencies
 from fracgyro.simulation.user_controller import ControllerLike
@@ -189,7 +189,7 @@ def other_noise(base: Scenario) -> Changes:
 def late(base: Scenario, *, hidden: bool) -> dict[str, Any]:
     """A step of delay more than the contender knows of, or than it knew of."""
     delay: dict[str, Any] = {"device.delay": base.device.delay + 1}
-    knows = base.controller.kind in kinds_with("datasheet.delay")
+    knows = "datasheet.delay" in values(base)
     return {**delay, "datasheet.delay": base.device.delay} if hidden and knows else delay
 
 

@@ -24,6 +24,7 @@ EXPONENT = Gain(
 LAYER = Gain("controller.layer_thickness", 1e-3, 10.0, above="the limit of the force ends before the layer")
 RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
 OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
+FILTER = Gain(OBSERVER.field, 1.0, 2000.0, below="the nominal plant only", above="2 over the step: a force is white")
 LAWS = Gain(
     "adaptation.damping_gain",
     1e-2,
@@ -172,6 +173,13 @@ CONTENDERS = (
         observer=OBSERVER,
     ),
     Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID, observer=OBSERVER),
+    Contender(
+        "pid_kalman",
+        "PID on a Kalman filter of the nominal plant",
+        "textbook; docs/decisions/0048",
+        kind("pid") | {"controller.filter": "kalman"},
+        (*PID, FILTER),
+    ),
     Contender(
         "resonant",
         "PD with resonators at the reference's frequencies",

@@ -104,6 +104,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         '#include "fracgyro/hardware/guard.hpp"',
         '#include "fracgyro/control/course.hpp"',
         '#include "fracgyro/controllers/registry.hpp"',
+        '#include "fracgyro/hardware/motion_filter.hpp"',
         "",
         "// Unnamed, so that two exported controllers can be linked into one program.",
         "namespace fracgyro_exported {",
@@ -160,7 +161,10 @@ def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list
     registered = f"fracgyro::RegisteredController<{number}, {kind}, {chosen}>"
     controller = f"fracgyro::SizedController<{registered}, {capacity}>::Type"
     lines = [f"// {KINDS[kind]}"]
-    if setup.observer_bandwidth > 0.0:
+    positions_only, filtered = (bandwidth > 0.0 for bandwidth in setup.sensing[:2])
+    if positions_only:
         lines.append("// Without a velocity sensor: the velocity in fracgyro_motion is ignored.")
-        controller = f"fracgyro::FromPositions<{controller}>::Type"
+    if positions_only or filtered:
+        seen = f"{str(positions_only).lower()}, {str(filtered).lower()}"
+        controller = f"fracgyro::ForSensors<{controller}, {seen}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]

@@ -14,6 +14,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,7 @@ def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
     preset: dict[str, Any] = {"key": "scenario", "title": name, "sentence": sentence, "a": OWN_LAW}
     preset |= {"speed": float(f"{speed:.3g}"), "window": 20 if speed <= 2 * unit else 80}
     shared = {key: value for key, value in base["settings"].items() if key.partition(".")[0] not in OF_LAWS}
-    rest = {key: base[key] for key in ("reference", "disturbance") if key in base}
+    rest = {key: base[key] for key in ("assumed", "reference", "disturbance") if key in base}
     return {
         **module_data(),
         "besides": [*BESIDES, "controller.kind"],
@@ -125,11 +126,14 @@ def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
 
 
 def _with_kind(scenario: Scenario, kind: str) -> Scenario | None:
-    """The scenario with another kind of controller; None if that cannot follow its reference."""
-    try:
-        return scenario.replace({"controller.kind": kind})
-    except ScenarioError:
-        return None
+    """The scenario with another kind of controller, with its filter if the kind takes one.
+
+    None if the kind cannot follow the reference.
+    """
+    for filtered in (scenario.controller.filter, "none"):
+        with suppress(ScenarioError):
+            return scenario.replace({"controller.kind": kind, "controller.filter": filtered})
+    return None
 
 
 def _hidden(scenario: Scenario) -> list[str]:
@@ -172,7 +176,7 @@ def page_data() -> dict[str, Any]:
     return {
         **module_data(),
         "besides": [*BESIDES, "controller.kind"],
-        "base": {"settings": shared, "scales": base["scales"]},
+        "base": {"settings": shared, "scales": base["scales"], "assumed": base["assumed"]},
         "laws": {
             key: {"label": label, "settings": _settings(scenario, OF_LAWS)}
             for key, (label, scenario) in all_laws.items()

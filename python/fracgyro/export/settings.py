@@ -59,9 +59,21 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
     return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))  # the designed kernel's, too
 
 
+def sensing(scenario: Scenario) -> list[float]:
+    """Observer and filter for the core, as sensing_of in include/fracgyro/sim/settings.hpp lists them."""
+    return list(core_setup(scenario).sensing)
+
+
 def observer_bandwidth(scenario: Scenario) -> float:
-    """Observer bandwidth for the core: 0 if the velocity is measured."""
-    return float(core_setup(scenario).observer_bandwidth)
+    """Observer bandwidth for the core: 0 if the velocity is measured. Raises ScenarioError for a filter.
+
+    For targets without it.
+    """
+    if scenario.controller.filter != "none":
+        raise ScenarioError(
+            f"controller.filter is {scenario.controller.filter}: it must be none for this target, which has no filter"
+        )
+    return sensing(scenario)[0]
 
 
 def device_numbers(scenario: Scenario) -> dict[str, float]:

@@ -133,11 +133,12 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """Outputs of the lanes, in the widest registers of this processor."""
+    """Outputs of the lanes, in the widest registers of this processor. Raises ScenarioError for a filter."""
+    observer = observer_bandwidth(scenario)
     program = Path(_lanes_program(tuple(compiler())).name) / "replay"
     lists = dict(zip(("poles", "weights"), core_kernel(scenario), strict=True))
     lists |= dict(zip(("terms", "rows"), reference_lists(scenario), strict=True))
-    lists |= {"numbers": list(core_numbers(scenario).values()), "observer": [observer_bandwidth(scenario)]}
+    lists |= {"numbers": list(core_numbers(scenario).values()), "observer": [observer]}
     for name, values in lists.items():
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")

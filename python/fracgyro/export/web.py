@@ -28,6 +28,7 @@ from ..scenario.kinds import (
     DEVICE_NUMBERS,
     KINDS,
     LOOP_CHANNELS,
+    OF_FILTER,
     TERM_NUMBERS,
     Channel,
     Number,
@@ -36,6 +37,7 @@ from ..scenario.kinds import (
 )
 from ..scenario.schema import Controller, Run
 from ..scenario.terms import named_terms
+from ..scenario.to_core import datasheet
 from .compilers import FLAGS, SOURCES, include, zig
 from .settings import columns, device_numbers, meaning, offered, reference_lists, settings, unit
 
@@ -46,7 +48,7 @@ BESIDES: dict[str, dict[str, Any]] = {
     for table, model, names in (
         ("run", Run, ("duration", "record_every", "kernel_tolerance")),
         ("device", Device, ("sensing",)),
-        ("controller", Controller, ("observer_bandwidth",)),
+        ("controller", Controller, ("filter", "observer_bandwidth")),
     )
     for name in names
 }
@@ -153,7 +155,9 @@ def document(scenario: Scenario) -> dict[str, Any]:
         # JSON has no infinity: null means no limit.
         said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
     scales = {setting.name: setting.scale for setting in listed if setting.scale != 1.0}
+    assumed = datasheet(scenario)
     found: dict[str, Any] = {"settings": said, "scales": scales}
+    found["assumed"] = {name: float(getattr(assumed, name)) for name in OF_FILTER}  # for controller.filter
     lists = dict(zip(("terms", "rows"), reference_lists(scenario), strict=True))
     if any(lists.values()):
         found["reference"] = lists

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError, create_model
 
 from .disturbance import named_entries
-from .kinds import SINE_DRIVES, fields_of_its_kind, kinds_with
+from .kinds import OF_FILTER, SINE_DRIVES, fields_of_its_kind, filtered_types, kinds_with, numbers
 from .messages import scenario_error
 from .plants import check_kind
 from .printing import BY_KIND, fields_of_table, having, own_fields
@@ -26,18 +26,36 @@ def check(scenario: Any) -> None:
     check_kind(scenario.plant, scenario.rate, scenario.device)
     _check_kind(scenario)
     _check_fields_of_its_kind(scenario)
+    _check_filter(scenario)
     _check_reference(scenario)
     _check_estimates(scenario)
 
 
 def _check_kind(scenario: Any) -> None:
     """A field that is given must be one that the kind of controller has."""
-    kind = scenario.controller.kind
+    kind, filtered = scenario.controller.kind, scenario.controller.filter
     for name in BY_KIND:
         table = getattr(scenario, name)
-        for field in sorted(table.model_fields_set - set(fields_of_table(_model(scenario), name, kind))):
+        for field in sorted(table.model_fields_set - set(fields_of_table(_model(scenario), name, kind, filtered))):
             path = f"{name}.{field}"
-            raise of_other_kinds(path, getattr(table, field), kinds_with(path), kind)
+            error = of_other_kinds(path, getattr(table, field), kinds_with(path), kind)
+            if name == "datasheet" and field in OF_FILTER:
+                raise message_error(f"{error.message()}; or controller.filter = kalman")
+            raise error
+
+
+def _check_filter(scenario: Any) -> None:
+    """A controller that filters by itself takes no filter before it."""
+    c = scenario.controller
+    takes, place = filtered_types(c.kind), 0
+    if len(takes) > 1 and c.adaptive:
+        kinds = next(number.choices for number in numbers(c.kind) if number.path == "adaptation.kind")
+        place = kinds.index(scenario.adaptation.kind)
+    if c.filter != "none" and not takes[place]:
+        of = f"adaptation.kind {scenario.adaptation.kind}" if any(takes) else f"controller.kind {c.kind}"
+        raise message_error(
+            f"controller.filter is {c.filter}: for {of}, which filters the measurements itself, it must be none"
+        )
 
 
 def _check_fields_of_its_kind(scenario: Any) -> None:

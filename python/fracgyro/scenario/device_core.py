@@ -15,8 +15,9 @@ from .scenario import Scenario
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """True if the rate is constant and the device ideal."""
-    return scenario.rate.kind == "constant" and scenario.device == Device()
+    """True if the rate is constant and the device ideal, and the controller receives the measurements themselves."""
+    unfiltered = bool(scenario.controller.filter == "none")
+    return unfiltered and scenario.rate.kind == "constant" and scenario.device == Device()
 
 
 def rate_values(scenario: Scenario) -> dict[str, Any]:

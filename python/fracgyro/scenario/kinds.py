@@ -73,6 +73,16 @@ def plant_numbers(kind: str) -> tuple[Number, ...]:
     return _numbers(_core.fields_of_plant(PLANT_KINDS.index(kind)))
 
 
+@lru_cache
+def filtered_types(kind: str) -> tuple[bool, ...]:
+    """True for each type of this kind, in the order of adaptation.kind, that takes a filter of the measured motions."""
+    return tuple(_core.filtered_types_of_kind(KINDS.index(kind)))
+
+
+# Fields of datasheet that the filter of the measured motions needs, whatever the kind.
+OF_FILTER = ("force_noise", "position_noise", "velocity_noise", "delay")
+
+
 # Those that a moving rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
 # Those of a term of the disturbance.

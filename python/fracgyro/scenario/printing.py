@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from .disturbance import Disturbance
-from .kinds import fields_of, kinds_with, own_kinds, plants_with
+from .kinds import OF_FILTER, fields_of, kinds_with, own_kinds, plants_with
 from .motion import REFERENCE_LISTS
 from .quantities import texts_of
 from .scales import SI_TABLES, si_unit
@@ -65,11 +65,11 @@ def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
 def fields_shown(scenario: Table) -> dict[str, tuple[str, ...]]:
     """The fields of each table that the scenario has, in their order."""
     tables: dict[str, Any] = dict(scenario)
-    kind = tables["controller"].kind
+    controller = tables["controller"]
     return {
         name: own_fields(type(scenario), name, table.kinds)
         if name in OWN_KINDS
-        else fields_of_table(type(scenario), name, kind)
+        else fields_of_table(type(scenario), name, controller.kind, controller.filter)
         for name, table in tables.items()
     }
 
@@ -128,12 +128,13 @@ def own_fields(model: type[BaseModel], table: str, kinds: tuple[str, ...]) -> tu
 
 
 @cache
-def fields_of_table(model: type[BaseModel], table: str, kind: str) -> tuple[str, ...]:
-    """The fields of a table that a scenario with this kind of controller has, in their order."""
+def fields_of_table(model: type[BaseModel], table: str, kind: str, filtered: str = "none") -> tuple[str, ...]:
+    """The fields of a table that a scenario with this kind of controller and filter has, in their order."""
     known = cast(type[BaseModel], model.model_fields[table].annotation).model_fields
     if table not in BY_KIND:
         return tuple(known)
-    return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
+    own = fields_of(kind, table) + (OF_FILTER if table == "datasheet" and filtered == "kalman" else ())
+    return tuple(field for field in known if field in own or not kinds_with(f"{table}.{field}"))
 
 
 def _described(info: FieldInfo, value: Any) -> str:

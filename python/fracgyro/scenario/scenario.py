@@ -206,9 +206,9 @@ class Scenario(Table):
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
-        Fields that another controller.kind does not have are dropped. `disturbance` takes a table or a list of tables.
-        Raises ScenarioError, in one sentence, for a name or a value that is not allowed, and TypeError for anything but
-        a dict.
+        Fields that another controller.kind or controller.filter does not have are dropped. `disturbance` takes a table
+        or a list of tables. Raises ScenarioError, in one sentence, for a name or a value that is not allowed, and
+        TypeError for anything but a dict.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
@@ -217,8 +217,9 @@ class Scenario(Table):
             raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
+        filtered = str(changes.get("controller.filter", self.controller.filter))
         for name in BY_KIND:  # fields that the other kind does not have are dropped
-            known = fields_of_table(Scenario, name, kind) if kind in KINDS else tables[name]
+            known = fields_of_table(Scenario, name, kind, filtered) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for name in OWN_KINDS:
             of = changes.get(f"{name}.kind", tables[name]["kind"])

@@ -189,9 +189,16 @@ else:
 class Controller(_Controller):
     """Kind of the controller; each kind has its own fields."""
 
+    filter: Literal["none", "kalman"] = field(
+        "none",
+        "kalman: the controller receives position and velocity as a constant Kalman filter of the nominal plant "
+        "estimates them, with the noise and delay of [datasheet]. none: as measured, with device.sensing position the "
+        "velocity of the observer.",
+    )
     observer_bandwidth: float = field(
         300.0,
-        "Unit omega0, > 0: bandwidth of the velocity observer. device.sensing full: off, velocity is measured.",
+        "Unit omega0, > 0: bandwidth of the velocity observer, or that at which filter kalman finds the acceleration "
+        "that the nominal plant lacks. device.sensing full with filter none: off, velocity is measured.",
         gt=0,
         unit="omega0",
     )
@@ -222,7 +229,7 @@ class Guard(_Guard):
 
 
 class Datasheet(_Datasheet):
-    """Noise and delay that the controller assumes; adaptation.kind joint needs them."""
+    """Noise and delay that the controller assumes; adaptation.kind joint and controller.filter kalman need them."""
 
 
 class Run(Table):

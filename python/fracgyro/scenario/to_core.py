@@ -14,7 +14,7 @@ import numpy as np
 from .. import _core
 from ..fractional.kernel import core_kernel
 from .device_core import device_values, is_ideal, profiles, rate_values
-from .kinds import DEVICE_NUMBERS, KINDS, PLANT_KINDS, core_values, numbers, plant_numbers
+from .kinds import DEVICE_NUMBERS, KINDS, OF_FILTER, PLANT_KINDS, core_values, numbers, plant_numbers
 from .motion import Reference
 from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
@@ -280,13 +280,22 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
     if not is_plain(scenario):
         setup.set_reference(_lists(scenario.reference))
     setup.set_terms(term_list(scenario))
-    if scenario.device.sensing == "position":
-        setup.observer_bandwidth = scenario.controller.observer_bandwidth
+    setup.sensing = _sensing(scenario, values)
     if not is_ideal(scenario):
         setup.set_device(list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed)
     if scenario.plant.kind != PLANT_KINDS[0]:
         setup.set_plant(PLANT_KINDS.index(scenario.plant.kind), list(own_plant_numbers(scenario).values()))
     return setup
+
+
+def _sensing(scenario: Scenario, found: Derived) -> list[float]:
+    """Observer and filter, as sensing_of in settings.hpp lists them."""
+    c, positions = scenario.controller, scenario.device.sensing == "position"
+    observed = c.observer_bandwidth if positions else 0.0
+    if c.filter == "none":
+        return [observed, *[0.0] * (1 + len(OF_FILTER))]
+    assumed = datasheet(scenario, found)
+    return [observed, c.observer_bandwidth, *(float(getattr(assumed, name)) for name in OF_FILTER)]
 
 
 @lru_cache(maxsize=32)

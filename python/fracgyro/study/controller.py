@@ -22,7 +22,7 @@ from ..simulation.user_controller import ControllerLike, UserController, control
 LAW = "law."  # prefix of a parameter's name, to distinguish it from fields of a scenario
 # Fields that a native.Law replaces; a callable may read all of them in reset(scenario).
 OF_THE_CONTROLLER = ("controller.", "adaptation.", "guard.", "run.kernel_tolerance")
-OF_ANY_LAW = ("controller.force_limit", "controller.observer_bandwidth")
+OF_ANY_LAW = ("controller.force_limit", "controller.filter", "controller.observer_bandwidth")
 
 
 def is_parameter(field: str) -> bool:
@@ -51,7 +51,7 @@ def check_read(field: str, controller: ControllerLike | None) -> None:
     if isinstance(controller, Law) and field.startswith(OF_THE_CONTROLLER) and field not in OF_ANY_LAW:
         raise ScenarioError(
             f"{field} is in [vary]: it has no effect, as a native.Law replaces the scenario's controller; only "
-            f"{' and '.join(OF_ANY_LAW)} remain"
+            f"{', '.join(OF_ANY_LAW[:-1])} and {OF_ANY_LAW[-1]} remain"
         )
 
 
