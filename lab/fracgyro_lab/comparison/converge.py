@@ -22,7 +22,7 @@ Descent = Generator[list[Point], list[float], None]  # proposes generations, and
 
 AGREED = math.log(1.05)  # largest difference of the best values
 GAIN = math.log(1.005)  # a descent ends when it has gained less than this
-WIDE, NEAR = 0.2, 0.1  # initial standard deviations, of descents from a Latin square and from known points
+WIDE, NEAR = 0.2, 0.04  # initial standard deviations, of descents from a Latin square and from known points
 
 
 @dataclass

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import optuna
 from fracgyro.scenario import ScenarioError
 from fracgyro.study.folder import digest
-from fracgyro.study.tune.search import storage_at, usable
-from optuna.trial import TrialState, create_trial
+
+if TYPE_CHECKING:
+    import optuna
 
 Values = dict[str, Any]
 Found = list[Any]  # result of a trial, as JSON has it
@@ -28,6 +28,8 @@ class Journal:
         self._held: dict[str, Found] = {}
         if study is None:
             return
+        from optuna.trial import TrialState
+
         for trial in study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,)):
             held = trial.user_attrs
             point = digest(held.get("gains", {}))
@@ -42,6 +44,8 @@ class Journal:
     def keep(self, values: Values, found: Found) -> None:
         if self._study is None:
             return
+        from optuna.trial import create_trial
+
         held = {"gains": values, "found": found, "hash": self._seal(digest(values), found)}
         self._study.add_trial(create_trial(value=float(found[0]), user_attrs=held))
 
@@ -56,6 +60,9 @@ def opened(address: str | None, parts: Mapping[str, Any]) -> Iterator[Journal]:
     if address is None:
         yield Journal(name, None)
         return
+    import optuna  # here, as a worker without a database starts in half of the time
+    from fracgyro.study.tune.search import storage_at, usable
+
     level = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     storage = None

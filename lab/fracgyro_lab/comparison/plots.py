@@ -209,24 +209,17 @@ def error_data(tables: Sequence[Table], words: str) -> str:
 
 
 def front_data(tables: Sequence[Table], limits: Sequence[Limit]) -> str:
-    header = ["table", "contender", "chattering index, larger axis", "error on the seeds of training (q0)"]
+    """Points of both panels of each table: one of the two errors is blank, except those of the limit."""
+    header = ["table", "contender", "chattering index, larger axis"]
+    header += ["error on the seeds of training (q0)", "steady error on the held-out seeds (q0)"]
     by_sensing = {_sensing(limit): limit for limit in limits}
-    found = []
+    found: list[list[Any]] = []
     for title, rows in tables:
         limit = by_sensing.get(_sensing(rows[0]))
-        found += [[title, "limit", at, error] for at, _, error in (limit["front"] if limit else [])]
-        found += [[title, name, *point] for name in _names(rows) for point in _front(rows, name)]
-    return csv_text(header, found)
-
-
-def steady_data(tables: Sequence[Table], limits: Sequence[Limit]) -> str:
-    header = ["table", "contender", "chattering index, larger axis", "steady error on the held-out seeds (q0)"]
-    by_sensing = {_sensing(limit): limit for limit in limits}
-    found = []
-    for title, rows in tables:
-        limit = by_sensing.get(_sensing(rows[0]))
-        found += [[title, "limit", at, steady] for at, steady, _ in (limit["front"] if limit else [])]
-        found += [[title, row["name"], *point] for row in rows if (point := _steady(row))]
+        found += [[title, "limit", at, error, steady] for at, steady, error in (limit["front"] if limit else [])]
+        found += [[title, name, *point, None] for name in _names(rows) for point in _front(rows, name)]
+        points = ((row["name"], point) for row in rows if (point := _steady(row)))
+        found += [[title, name, chattering, None, steady] for name, (chattering, steady) in points]
     return csv_text(header, found)
 
 

@@ -56,7 +56,6 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row], limits: Sequ
                 ),
             ]
             data["fronts"] = plots.front_data(joined, limits)
-            data["steady"] = plots.steady_data(joined, limits)
     text = page(
         "fracgyro_lab.comparison",
         f"{plan.task.name}.html.jinja",

@@ -13,7 +13,6 @@ from typing import Any
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.table import format_value
 from fracgyro.study.folder import claim, free_if_nothing_came, locked
-from fracgyro.study.tune.search import storage_at
 
 from .cost import costs
 from .files import Finished, Piece
@@ -90,6 +89,8 @@ def compare(
             "file is"
         )
     if storage is not None:
+        from fracgyro.study.tune.search import storage_at
+
         storage_at(storage).engine.dispose()  # creates the tables once, before many workers start
     head = {
         "task": plan.task.name,

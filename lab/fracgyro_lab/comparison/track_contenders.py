@@ -83,7 +83,6 @@ INTEGER: dict[str, float] = {ORDER.field: 1.0}
 NO_TERMINAL: dict[str, float] = {TERMINAL_GAIN.field: TERMINAL_GAIN.low, EXPONENT.field: EXPONENT.high}
 LEARNS_NOTHING: dict[str, float] = {LAWS.field: LAWS.low}
 LINEAR_SURFACE: dict[str, float] = {**INTEGER, **NO_TERMINAL}
-PLAIN: dict[str, float] = {FAST.field: FAST.low, POWER.field: POWER.low}
 
 SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
 CONTENDERS = (
@@ -236,7 +235,6 @@ CONTENDERS = (
         kind("nonsingular_terminal"),
         (FAST, *NONSINGULAR, POWER, LAWS),
         observer=OBSERVER,
-        contains=(Contained("nonsingular_terminal", PLAIN),),
     ),
     Contender(
         "adrc",
