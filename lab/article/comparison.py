@@ -68,7 +68,7 @@ def effort(data: dict[str, Any]) -> Values:
 
 
 def track(data: dict[str, Any]) -> Values:
-    rows: list[Row] = data["contenders"]
+    rows = of_paper(data["contenders"])
     if not any(row["name"] == PAPER for row in rows):
         raise ValueError(f"compare-track.json has no contender {PAPER}, to which all others are compared")
     ceilings = sorted({float(row["ceiling"]) for row in rows})
@@ -91,6 +91,16 @@ def track(data: dict[str, Any]) -> Values:
         "verdicts": {c: _verdict(rows, c, noises[-1], ceilings) for c in classes},
         "flattery": _flattery(rows, noises, ceilings[-1]),
     }
+
+
+def of_paper(rows: list[Row]) -> list[Row]:
+    """The rows of the paper's device, which is the first, under the ceilings that all sensing has."""
+    here = [row for row in rows if row.get("scenario") == rows[0].get("scenario")]
+    by_sensing: dict[tuple[str, float], set[float]] = {}
+    for row in here:
+        by_sensing.setdefault((row["class"], float(row["noise"])), set()).add(float(row["ceiling"]))
+    common = set.intersection(*by_sensing.values()) if by_sensing else set()
+    return [row for row in here if float(row["ceiling"]) in common]
 
 
 def cell(rows: Iterable[Row], **of: Any) -> Row | None:
@@ -124,7 +134,9 @@ def _track_table(rows: list[Row], noises: Sequence[float], ceilings: Sequence[fl
 
 
 def _within(found: dict[str, Any]) -> str:
-    return interval(found["low"], found["high"])
+    """An end that a search without a result leaves open is infinite, or 0."""
+    low, high = found["low"], found["high"]
+    return interval(0.0 if low is None else low, math.inf if high is None else high)
 
 
 def _cell(row: Row | None) -> str:
@@ -263,7 +275,7 @@ def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence
 
 
 def _sign(row: Row | None, paper: Row | None) -> int:
-    """-1: less error than the paper's controller, by intervals and all samplers; 1: more; 0: undecided. To keep the
+    """-1: less error than the paper's controller, by all pairs of searches; 1: more; 0: undecided. To keep the
     ceiling counts as less error than not to keep it."""
     if row is None or paper is None:
         return 0

@@ -155,6 +155,7 @@ def _sensing(e: sensing.Errors) -> Figure:
 
 def _fronts(rows: list[dict[str, Any]]) -> Figure:
     """Error against chattering of training, by class, with noise; the paper's and the best have a color each."""
+    rows = comparison.of_paper(rows)
     noise = max(float(row["noise"]) for row in rows)
     classes = sorted({row["class"] for row in rows})
     ceilings = sorted({float(row["ceiling"]) for row in rows})

@@ -383,7 +383,7 @@ def test_a_narrow_minimum_is_found_from_a_start_within_it() -> None:
         return min(bowl(point), -8.0 + 1e3 * float(np.sum((point - 0.9) ** 2)))
 
     def best(starts: list[Point]) -> float:
-        found = search(lambda _, points: [pit(point) for point in points], 4, starts, (1,), 400)
+        found = search(lambda _, points: [pit(point) for point in points], 4, starts, (1,), 1500)
         return found[0].best
 
     assert best([]) > -4.1

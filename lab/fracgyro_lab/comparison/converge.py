@@ -2,8 +2,8 @@
 
 Each is CMA-ES (Hansen and Ostermeier 2001; the package `cmaes`) with restarts on the unit cube. It begins with a Latin
 square of points of its own and with starts that all share; it descends from the best of the former, then from the best
-of the latter, and rests. If the searches then disagree, those that lag descend again: from another Latin square with
-twice the population and from their best in turn (as BIPOP-CMA-ES, Hansen 2009).
+of the latter, and rests. If the searches then disagree, those that lag descend from their own best as long as that
+helps, and after that from another Latin square with twice the population, in turn.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ Descent = Generator[list[Point], list[float], None]  # proposes generations, and
 
 AGREED = math.log(1.05)  # largest difference of the best values
 GAIN = math.log(1.005)  # a descent ends when it has gained less than this
-WIDE, NEAR = 0.2, 0.04  # initial standard deviations, of descents from a Latin square and from known points
+# Initial standard deviations: of descents from a Latin square, from known points, and from the search's own best. The
+# last is so wide as a descent may have ended on a ridge, which is sharp at a limit.
+WIDE, CLOSE, NEAR = 0.2, 0.04, 0.1
 
 
 @dataclass
@@ -62,13 +64,17 @@ class Sampler:
         first = values[len(known) :]
         yield from self._descend(fresh[int(np.argmin(first))], WIDE)
         if known:
-            yield from self._descend(known[int(np.argmin(values[: len(known)]))], NEAR)
+            yield from self._descend(known[int(np.argmin(values[: len(known)]))], CLOSE)
         while True:
+            self.resting = True
+            before = math.inf
+            while before - self.best > AGREED / 2:
+                before = self.best
+                yield from self._descend(self._at, NEAR)
             self.resting = True
             fresh = self._square()
             values = yield fresh
             yield from self._descend(fresh[int(np.argmin(values))], WIDE, 2)
-            yield from self._descend(self._at, NEAR)
 
     def _descend(self, start: Point, deviation: float, times: int = 1) -> Descent:
         self._descents += 1

@@ -170,7 +170,7 @@ def number(value: float | None, digits: int = 3) -> str:
 def interval(found: dict[str, float | None] | None) -> str:
     if not found or found["value"] is None:
         return "–"
-    if found["low"] is None:  # a single value
+    if found["low"] is None and found["high"] is None:  # a single value
         return number(found["value"])
     return f"{number(found['value'])} [{number(found['low'])}, {number(found['high'])}]"
 

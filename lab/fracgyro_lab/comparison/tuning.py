@@ -19,7 +19,9 @@ from .own import controller_of
 from .task import Cell, Task
 
 MARGIN = 0.99  # of a limit while searching: other seeds have somewhat more
-STEEP = 6.0  # penalty over the logarithm of a constraint over its limit: above what any law gains by breaking one
+# Penalty over the logarithm of a constraint over its limit: above what a law gains by breaking it, or the search is
+# repeated with the next. A steep one makes a sharp ridge of the limit, on which CMA-ES shrinks its steps too soon.
+STEEP = (1.0, 6.0)
 BROKEN, LOST = 100.0, 1000.0  # values of a trial without an error, and of one that diverged
 CONFIRMED = 4  # best trials of a search that all training seeds then judge
 ATTEMPTS = 4  # as many again, if none of them keeps the limits
@@ -51,14 +53,17 @@ class Tuning:
     def measure(self) -> dict[str, Any]:
         """By search: the best gains with their error, and the number of trials; the front of all trials."""
         with opened(self.storage, self._parts()) as journal:
-            trials = _Trials(self, journal)
-            samplers = search(
-                lambda which, points: trials.goals(which, points),
-                len(trials.gains),
-                [np.array([gain.share(start[gain.field]) for gain in trials.gains]) for start in self.starts],
-                range(1, self.samplers + 1),
-                self.trials,
-            )
+            for steep in STEEP:
+                trials = _Trials(self, journal, steep)
+                samplers = search(
+                    trials.goals,
+                    len(trials.gains),
+                    [np.array([gain.share(start[gain.field]) for gain in trials.gains]) for start in self.starts],
+                    range(1, self.samplers + 1),
+                    self.trials,
+                )
+                if trials.ended_within_the_limits():
+                    break
             found = [self._confirmed(trials, i, sampler) for i, sampler in enumerate(samplers)]
         errors = [math.inf if each["error"] is None else float(each["error"]) for each in found]
         return {
@@ -121,11 +126,14 @@ class Tuning:
 
 
 class _Trials:
-    """The trials of all searches of a tuning: each result is the value that is minimized, the error, the largest
-    constraint, and true if all limits are kept, with a margin."""
+    """The trials of all searches of a tuning.
 
-    def __init__(self, tuning: Tuning, journal: Journal) -> None:
-        self._tuning, self._journal = tuning, journal
+    A result is the value without penalties that is minimized, the largest constraint over its limit, the error and the
+    largest constraint.
+    """
+
+    def __init__(self, tuning: Tuning, journal: Journal, steep: float) -> None:
+        self._tuning, self._journal, self._steep = tuning, journal, steep
         self.gains = tuning.contender.tuned(tuning.cell.information)
         self._limits = [MARGIN * (c.at_most or 0.0) for c in tuning.task.constraints(tuning.cell.ceiling)]
         self._found: dict[tuple[float, ...], list[Any]] = {}
@@ -146,34 +154,43 @@ class _Trials:
             self._found[key] = found
             self._journal.keep(self._values(key), found)
         self._of[which] += keys
-        return [self._found[key][0] for key in keys]
+        return [self._goal(key) for key in keys]
+
+    def _goal(self, key: tuple[float, ...]) -> float:
+        value, over, *_ = self._found[key]
+        return float(value + self._steep * math.log(max(over, 1.0)))
+
+    def _keeps(self, key: tuple[float, ...]) -> bool:
+        value, over, *_ = self._found[key]
+        return bool(value < BROKEN and over <= 1.0)
+
+    def ended_within_the_limits(self) -> bool:
+        """True if the best trial of every search kept the limits, or none of its trials had an error."""
+        best = (min(keys, key=self._goal) for keys in self._of if keys)
+        return all(self._keeps(key) or self._goal(key) >= BROKEN for key in best)
 
     def best(self, which: int) -> list[dict[str, Any]]:
         """Gains that kept the limits, the best first."""
-        kept = {key: self._found[key] for key in self._of[which] if self._found[key][3]}
-        return [self._values(key) for key in sorted(kept, key=lambda key: kept[key][0])]
+        kept = filter(self._keeps, dict.fromkeys(self._of[which]))
+        return [self._values(key) for key in sorted(kept, key=self._goal)]
 
     def front(self) -> list[list[float]]:
         """[chattering, error] of the trials that no other beats in both, feasible or not; none without a ceiling."""
         if not self._tuning.cell.ceiling:
             return []
-        return front([found[1:3] for found in self._found.values()])
+        return front([found[2:] for found in self._found.values()])
 
     def _values(self, key: tuple[float, ...]) -> dict[str, Any]:
         return {gain.field: value for gain, value in zip(self.gains, key, strict=True)}
 
     def _result(self, found: Score | None) -> list[Any]:
         if found is None:
-            return [2 * LOST, None, None, False]
+            return [2 * LOST, 1.0, None, None]
         error, compared = _mean_log(found.objectives), self._tuning._error(found)
-        over = [value / limit for value, limit in zip(found.constraints, self._limits, strict=True)]
-        worst = max(over, default=0.0)
-        if found.diverged or not math.isfinite(worst):
-            goal = LOST * (1.0 + found.diverged)
-        else:
-            goal = (error if math.isfinite(error) else BROKEN) + STEEP * math.log(max(worst, 1.0))
-        kept = goal < BROKEN and worst <= 1.0
-        return [goal, _finite(compared), _finite(max(found.constraints, default=0.0)), kept]
+        over = max((value / limit for value, limit in zip(found.constraints, self._limits, strict=True)), default=0.0)
+        if found.diverged or not math.isfinite(over):
+            return [LOST * (1.0 + found.diverged), 1.0, _finite(compared), _finite(max(found.constraints, default=0.0))]
+        return [error if math.isfinite(error) else BROKEN, over, _finite(compared), max(found.constraints, default=0.0)]
 
 
 def front(points: Sequence[Sequence[float | None]]) -> list[list[float]]:
