@@ -11,12 +11,21 @@ import json
 import shutil
 import sys
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from fracgyro_lab.comparison.plan import TASKS
-from fracgyro_lab.comparison.report import interval, labelled, number, rank, times, title
+from fracgyro_lab.comparison.report import (
+    chattering,
+    interval,
+    labelled,
+    limit_row,
+    number,
+    rank,
+    remarks,
+    tables_of,
+    times,
+)
 from fracgyro_lab.comparison.run import Compared, compare
 from fracgyro_lab.comparison.task import Task
 
@@ -26,6 +35,7 @@ from machine import RESULTS, command, machine, write
 from sources import digest
 
 OUT = Path(__file__).parents[1] / "build" / "compare" / digest(Path(__file__).resolve())  # by sources
+STEP = 0.97  # between points of a front in the JSON files
 DIGITS = 4  # significant digits in the JSON files
 Row = dict[str, Any]
 
@@ -46,34 +56,57 @@ def compared(task: str, quick: bool) -> Compared:
         return compare(task, folder, quick=quick, progress=show)
 
 
-def lines_of(task: Task, rows: list[Row]) -> list[str]:
-    heads = [
-        "contender",
-        f"{labelled(task.error_words)} (95 %)",
-        f"over {task.over} (95 %)",
-        "decided",
-        "samplers, training seeds",
-    ]
-    heads += [*(labelled(task.words(name)) for name in task.metrics), "diverged", "time", "state (B)", "remarks"]
+def lines_of(task: Task, rows: list[Row], limits: list[Row]) -> list[str]:
+    limit, ceiling = limit_row(limits, rows[0]), rows[0]["ceiling"]
+    heads = ["contender", f"{labelled(task.error_words)} (95 %)"]
+    heads += ["over the limit", "steady, over the limit"] if limits else []
+    heads += [f"over {task.over} (95 %)", *(["chattering used"] if ceiling else []), "decided"]
+    heads += ["searches, training seeds", *(labelled(task.words(name)) for name in task.metrics)]
+    heads += ["diverged", "time", "state (B)", "remarks"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    if limit:
+        mine = [number(limit["metrics"].get(name, {}).get("value")) for name in task.metrics]
+        cells = ["limit", interval(limit["metrics"]["error"]), "1", "1", "–", "–", "–", "–", *mine, "–", "–", "–", ""]
+        lines.append(f"| {' | '.join(cells)} |")
     for row in sorted(rows, key=rank):
-        found, cost = row["metrics"], row["cost"] or {}
-        values = [number(found.get(name, {}).get("value")) for name in task.metrics]
-        remarks = ["" if row["kept"] else "beyond a limit" if found else "no trial kept the limits"]
-        remarks += [f"at range end: {', '.join(row['range_ends'])}"] if row["range_ends"] else []
+        found, cost, over = row["metrics"], row["cost"] or {}, row["over_limit"] or {}
         cells = [
             row["name"] + ("" if row["tuned"] or not row["trials"] else " (untuned)"),
             interval(found.get("error")),
+            *([number(over.get("error")), number(over.get("steady"))] if limits else []),
             interval(row["ratio"]),
+            *([chattering(row)] if ceiling else []),
             row["verdict"] or "–",
             ", ".join(map(number, row["sampler_errors"])) or "–",
-            *values,
+            *(number(found.get(name, {}).get("value")) for name in task.metrics),
             f"{row['diverged']}/{row['seeds']}" if found else "–",
             f"×{number(cost.get('relative'), 2)}",
             str(cost.get("state_bytes", "–")),
-            "; ".join(filter(None, remarks)),
+            remarks(row),
         ]
         lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def front(rows: list[Row], limits: list[Row]) -> list[str]:
+    """The least error up to each ceiling, on held-out seeds, and where the limit is."""
+    ceilings = sorted({row["ceiling"] for row in rows})
+    heads = ["error (steady error over the limit)", *(f"chattering ≤ {number(ceiling)}" for ceiling in ceilings)]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    by_place = {(row["name"], row["ceiling"]): row for row in rows if row["kept"]}
+    first = [limit_row(limits, {**rows[0], "ceiling": ceiling}) for ceiling in ceilings]
+    if any(first):
+        lines.append(f"| limit | {' | '.join(interval(at['metrics']['error']) if at else '–' for at in first)} |")
+
+    def cell(name: str, ceiling: float) -> str:
+        row = by_place.get((name, ceiling))
+        if row is None:
+            return "–"
+        over = (row["over_limit"] or {}).get("steady")
+        return number(row["metrics"]["error"]["value"]) + (f" ({number(over)})" if over else "")
+
+    last = sorted((row for row in rows if row["ceiling"] == ceilings[-1]), key=rank)
+    lines += [f"| {' | '.join([row['name'], *(cell(row['name'], c) for c in ceilings)])} |" for row in last]
     return lines
 
 
@@ -99,8 +132,17 @@ def rounded(value: Any) -> Any:
 def shortened(row: Row, metrics: Sequence[str]) -> Row:
     """Without what no table shows."""
     shown = {name: value for name, value in row["metrics"].items() if name in metrics}
-    others = {name: {"value": found["value"], "lost": found["lost"]} for name, found in row["others"].items()}
+    others = {
+        name: {key: found[key] for key in ("value", "lost", "chattering")} for name, found in row["others"].items()
+    }
     return {**row, "metrics": shown, "others": others}
+
+
+def thinned(front: list[list[float]]) -> list[list[float]]:
+    """Points of a front whose error is some percent below that of the point before, and its ends."""
+    kept = front[:1]
+    kept += [point for i, point in enumerate(front[1:], 1) if point[1] < STEP * kept[-1][1] or i == len(front) - 1]
+    return kept
 
 
 def keep(data: Path, name: str, task: Task) -> None:
@@ -108,6 +150,8 @@ def keep(data: Path, name: str, task: Task) -> None:
     found = json.loads(data.read_text(encoding="utf-8"))
     metrics = ("error", *task.metrics)
     short = [rounded(shortened(row, metrics)) for row in found.pop("contenders")]
+    for row in short:
+        row["front"] = thinned(row["front"])
     rows = ",\n".join(json.dumps(row, ensure_ascii=False) for row in short)
     head = json.dumps(rounded(found), ensure_ascii=False)[:-1]
     (RESULTS / name).write_text(f'{head}, "contenders": [\n{rows}\n]}}\n', encoding="utf-8")
@@ -127,12 +171,15 @@ def main() -> None:
         lines += [f"## {name}", ""]
         lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
 
-        def key(row: Row) -> tuple[Any, ...]:
-            return "", row["class"], row["noise"], row["ceiling"]
-
-        for of, found in groupby(sorted(result.rows, key=key), key):
-            rows = list(found)
-            lines += [f"### {title(*of)}", "", *lines_of(task, rows), "", *others(rows), ""]
+        named = result.rows[0]["scenario"]
+        for words, rows in tables_of(result.rows, with_ceiling=False, unnamed=named) if result.limits else []:
+            lines += [f"### the front: {words}", "", *front(rows, result.limits), ""]
+        for limit in result.limits:
+            lines += (
+                [f"No limit: {limit['scenario']}, class {limit['class']}: {limit['why']}", ""] if limit["why"] else []
+            )
+        for words, rows in tables_of(result.rows, with_ceiling=True, unnamed=named):
+            lines += [f"### {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
     write("compare", lines[:-1])
 
 

@@ -37,8 +37,9 @@ TESTS: dict[str, list[str]] = {
     "device": [], "setup": [], "kinds": [], "bound": [],
     "compare": [
         "test_ratios_are_paired_by_seed_and_have_no_value_where_a_run_diverged",
-        "test_of_three_samplers_the_median_counts",
-        "test_an_error_is_less_or_more_only_where_all_tunings_agree",
+        "test_of_several_searches_the_best_counts_and_the_others_are_judged_too",
+        "test_a_ratio_covers_all_pairs_of_searches",
+        "test_an_error_is_less_or_more_only_where_the_interval_of_all_searches_leaves_one_out",
         "test_a_run_with_an_error_as_large_as_the_reference_is_lost",
         "test_nothing_is_a_multiple_of_what_breaks_a_limit",
         "test_the_front_is_what_no_trial_beats_in_error_and_chattering",

@@ -12,9 +12,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+import fracgyro as fg
 import pytest
 from children import PATIENCE
-from fracgyro.study.tune.search import Search
+from fracgyro_lab.comparison.journal import Journal, opened
 from fracgyro_lab.comparison.run import compare
 from postgres import postgres
 from sqlalchemy import create_engine, text
@@ -37,17 +38,17 @@ def states(address: str) -> dict[str, int]:
 
 
 def linger(inside: str) -> None:
-    """In a worker: its next tuning stops within the third trial, reports this, and never ends."""
-    tell, reported = Search._tell, []
+    """In a worker: its next tuning stops after its third trial, reports this, and never ends."""
+    keep, kept = Journal.keep, []
 
-    def stop(self: Search, *arguments: Any) -> None:
-        reported.append(self)
-        if len(reported) == 3:
+    def stop(self: Journal, *arguments: Any) -> None:
+        keep(self, *arguments)
+        kept.append(self)
+        if len(kept) == 3:
             Path(inside).touch()
             time.sleep(PATIENCE)
-        tell(self, *arguments)
 
-    Search._tell = stop  # type: ignore[method-assign]
+    Journal.keep = stop  # type: ignore[method-assign]
 
 
 @pytest.mark.takes_a_minute
@@ -70,21 +71,45 @@ def test_a_tuning_whose_worker_is_killed_goes_on_from_the_trials_in_the_database
         running.start()
         while running.is_alive() and not (tmp_path / "inside").exists():
             time.sleep(0.01)
-        assert states(address)["RUNNING"] >= 1
+        held = states(address)["COMPLETE"]
+        assert held >= 3
         os.kill(pids[victim], signal.SIGKILL)
         running.join(timeout=PATIENCE)
-        assert states(address) == {"COMPLETE": 4 * 6}, "no trial is lost, and none is made twice"
+        total = states(address)["COMPLETE"]
+        assert total == sum(row["trials"] for row in results[0].rows), "no trial is lost, and none is made twice"
+        assert total > held
     assert len(results) == 1
     assert rows(tmp_path / "there" / "compare.json") == rows(expected.data)
 
 
 def test_what_the_database_holds_is_not_tuned_again(tmp_path: Path) -> None:
     with postgres() as address:
-        compare("track", tmp_path / "first", **SMALL, storage=address)
-        assert states(address) == {"COMPLETE": 4 * 6}
-        compare("track", tmp_path / "second", **SMALL, storage=address)
-        assert states(address) == {"COMPLETE": 4 * 6}
+        first = compare("track", tmp_path / "first", **{**SMALL, "only": ["pid"]}, storage=address)
+        trials = sum(row["trials"] for row in first.rows)
+        assert states(address) == {"COMPLETE": trials}
+        compare("track", tmp_path / "second", **{**SMALL, "only": ["pid"]}, storage=address)
+        assert states(address) == {"COMPLETE": trials}
     assert rows(tmp_path / "first" / "compare.json") == rows(tmp_path / "second" / "compare.json")
+
+
+def test_a_trial_that_the_database_holds_damaged_is_refused(tmp_path: Path) -> None:
+    address = f"sqlite:///{tmp_path / 'trials.db'}"
+    with opened(address, {"a": 1}) as journal:
+        assert journal.found({"k": 1.0}) is None
+        journal.keep({"k": 1.0}, [0.5, 0.5, 0.1, True])
+    with opened(address, {"a": 1}) as journal:
+        assert journal.found({"k": 1.0}) == [0.5, 0.5, 0.1, True]
+        assert journal.found({"k": 2.0}) is None
+    with opened(address, {"a": 2}) as journal:
+        assert journal.found({"k": 1.0}) is None, "another tuning"
+    engine = create_engine(address)
+    with engine.begin() as connection:
+        connection.execute(
+            text("UPDATE trial_user_attributes SET value_json = '[0.1, 0.5, 0.1, true]' WHERE key = 'found'")
+        )
+    engine.dispose()
+    with pytest.raises(fg.ScenarioError, match=r"trial 0 of .* in the database is damaged"), opened(address, {"a": 1}):
+        pass
 
 
 def test_no_process_outlives_a_comparison_that_is_killed(tmp_path: Path) -> None:

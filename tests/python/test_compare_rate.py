@@ -145,11 +145,12 @@ def test_two_axes_tell_the_rate_from_what_one_axis_cannot() -> None:
 
 def test_a_trial_that_is_far_off_is_not_measured_further() -> None:
     wild = scenario("adrc_nominal", {"controller.rate_bandwidth": 0.03})
-    found = RATE.train(wild, range(2), wild, None)
+    (found,) = RATE.train([wild], range(2), wild, None)
     assert np.isnan(found.metrics["output_noise"]).all()
     assert found.metrics["scale_factor_error"] > 5e4
     fair = scenario("lqg", {"adaptation.rate_forgetting": 0.0265})
-    assert np.isfinite(RATE.train(fair, range(2), fair, None).metrics["output_noise"]).all()
+    (found,) = RATE.train([fair], range(2), fair, None)
+    assert np.isfinite(found.metrics["output_noise"]).all()
 
 
 # -- A controller of one's own -------------------------------------------------------------------------------
@@ -212,7 +213,7 @@ def test_a_quick_look_is_at_positions_with_noise() -> None:
     def cells(**options: Any) -> list[tuple[str, float]]:
         given: dict[str, Any] = {"scenarios": (), "only": (), "controller": None, "trials": None, "storage": None}
         found = planned("rate", **{**given, "classes": (), "noise": (), "quick": True, **options})
-        return list(dict.fromkeys((row.cell.information, row.cell.noise) for row in found.rows()))
+        return list(dict.fromkeys((row.cell.information, row.cell.noise) for row in found.rows))
 
     assert cells() == [("P", 1e-13)]
     assert cells(noise=(0.0,)) == [("F", 0.0), ("P", 0.0)]
@@ -231,9 +232,10 @@ def test_what_has_nothing_to_tune_has_its_bandwidth_found() -> None:
         quick=False,
         storage=None,
     )
-    tuned, joint = plan.rows()
-    assert len(plan.tunings(tuned)) == 3
-    assert plan.tunings(joint) == []
+    tuned, joint = plan.rows
+    assert plan.waves() == [[tuned]]
+    tuning = plan.tuning(tuned, {})
+    assert (tuning.trials, tuning.few, tuning.samplers) == (200, 8, 2)
     values = plan.untuned(joint)
     assert values is not None
     assert set(values) == {"adaptation.rate_forgetting"}

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from fracgyro.scenario import Scenario
+from fracgyro.study.tune.criteria import Measured
 from numpy.typing import NDArray
 
 from .contender import Contender
@@ -23,6 +24,7 @@ class Judging:
     cell: Cell
     base: Scenario  # with the sensing of the cell
     values: dict[str, Any]
+    searched: list[dict[str, Any]]  # best values of the other searches: only their error is measured
     seeds: list[int]  # held-out seeds
     few: int  # number of these seeds for other plants and conditions
 
@@ -32,23 +34,39 @@ class Judging:
 
     @property
     def runs(self) -> int:
-        return len(self.seeds) + self.few * len(self._changed())
+        return (1 + len(self.searched)) * len(self.seeds) + self.few * len(self._changed())
 
     def measure(self) -> dict[str, Any]:
-        """By seed: every metric, and the error as it is and with each change; null where a run diverged."""
+        """By seed: every metric, and the error as it is, with each change, and of each other search's best gains; null
+        where a run diverged. `limited`: with each change, the constrained metrics, means of the larger."""
         controller = controller_of(self.contender, self.values)
         mine, few = self.scenario(), self.seeds[: self.few]
         (held,) = self.task.measure([mine], self.seeds, self.base, controller)
         changed = self._changed()
         others = self.task.measure(list(changed.values()), few, self.base, controller)
         errors = {name: _listed(self.task.error(found)) for name, found in zip(changed, others, strict=True)}
+        limited = {name: self._limited(measured) for name, measured in zip(changed, others, strict=True)}
         metrics = held.metrics | self.task.figures(mine, few, controller)
         return {
             "metrics": {name: _listed(values) for name, values in metrics.items()},
             "error": _listed(self.task.error(held)),
             "diverged": int(held.diverged.sum()),
             "others": errors,
+            "limited": limited,
+            "searched": [_listed(self.task.error(found)) for found in map(self._searched, self.searched)],
         }
+
+    def _searched(self, values: dict[str, Any]) -> Measured:
+        scenario = self.contender.scenario(self.base, values)
+        (found,) = self.task.measure([scenario], self.seeds, self.base, controller_of(self.contender, values))
+        return found
+
+    def _limited(self, found: Measured) -> float | None:
+        """The largest constrained metric, where a ceiling makes them comparable."""
+        if not self.cell.ceiling:
+            return None
+        largest = max(c.of(found.metrics[c.metric]) for c in self.task.constraints(self.cell.ceiling))
+        return largest if np.isfinite(largest) else None
 
     def scenario(self) -> Scenario:
         return self.contender.scenario(self.base, self.values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import cycle
 from typing import Any
@@ -16,9 +17,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 Row = dict[str, Any]
+Limit = dict[str, Any]  # of a sensing, as in compare.json
 Table = tuple[str, Sequence[Row]]  # with its title
 LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of the margins above and below
 MARKERS = "osD^v<>PXph*"
+MARKED = 4  # best contenders of each table, which have a color
+OTHERS = "#b9c2c8"
+MAX_SPAN = 300.0  # ratio of the ends of a front's axis of errors; what is farther from the best is not drawn
 PLANT = "#b8c4cc"
 SAMPLER = "#7a868e"
 MAX_DRAWN_RATIO = 30.0  # largest ratio of the axis: larger ones are drawn here, with their value
@@ -49,46 +54,98 @@ def error_legend() -> Figure:
             Line2D([], [], marker="o", color=COLORS[1], markersize=4, label="the paper's and its variants"),
             Line2D([], [], marker="o", color=COLORS[0], markersize=4, label="others"),
             Line2D([], [], marker="o", color="gray", markerfacecolor="white", markersize=4, label="beyond a limit"),
-            Line2D([], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one tuning, when trained"),
+            Line2D([], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one search, training seeds"),
         ]
     )
 
 
 class Fronts:
-    """The best error of any trial up to each amount of chattering; a contender looks the same in all panels."""
+    """Error over chattering, with the line of the limit; a contender looks the same in all panels.
 
-    def __init__(self, rows: Sequence[Row], ceilings: Sequence[float]) -> None:
-        names = _names(rows)
-        looks = zip(mpl.color_sequences["tab20"], cycle(MARKERS), strict=False)
-        self._looks = dict(zip(names, cycle(looks), strict=False))
-        self._ceilings = ceilings
+    Those among the MARKED best of any panel have a color each, the others are gray.
+    """
+
+    def __init__(self, rows: Sequence[Row], limits: Sequence[Limit]) -> None:
+        best: dict[str, None] = {}
+        for place in dict.fromkeys(map(_sensing, rows)):
+            here = [row for row in rows if _sensing(row) == place and row["kept"]]
+            for ceiling in {row["ceiling"] for row in here}:
+                ranked = sorted((row for row in here if row["ceiling"] == ceiling), key=_error)
+                best |= dict.fromkeys(row["name"] for row in ranked[:MARKED])
+        names = [name for name in _names(rows) if name in best]
+        self._looks = dict(
+            zip(names, zip(cycle(mpl.color_sequences["Dark2"]), cycle(MARKERS), strict=False), strict=False)
+        )
+        self._limits = {_sensing(limit): limit for limit in limits}
+        self._others = len(_names(rows)) > len(names)
 
     def panel(self, title: str, rows: Sequence[Row]) -> Figure:
-        figure = Figure(figsize=(WIDTH / 2 * MM, 80 * MM), layout="constrained")
-        panel = figure.subplots()
-        for ceiling in self._ceilings:
-            panel.axvline(ceiling, color="gray", linewidth=0.6, dashes=(3, 2))
-        for name, (color, marker) in self._looks.items():
-            points = _front(rows, name)
-            if points:
+        """The least error of any trial up to each amount of chattering."""
+        figure, panel = self._begun(title, rows)
+        drawn = self._limit(panel, rows, 2)
+        for name in _names(rows):
+            if not (points := _front(rows, name)):
+                continue
+            color, marker = self._looks.get(name, (OTHERS, ""))
+            # More chattering than any trial had is not needed for its error.
+            xs, ys = zip(*points, (100 * points[-1][0], points[-1][1]), strict=True)
+            width, order = (0.9, 3) if marker else (0.6, 2)
+            panel.plot(xs, ys, color=color, linewidth=width, drawstyle="steps-post", zorder=order)
+            drawn += ys
+            for ceiling in _ceilings(rows) if marker else []:
+                if within := [error for chattering, error in points if chattering <= ceiling]:
+                    panel.plot(ceiling, min(within), marker, color=color, markersize=3, zorder=4)
+        return self._ended(figure, panel, rows, drawn, "error on the training seeds, q0")
+
+    def steady(self, title: str, rows: Sequence[Row]) -> Figure:
+        """The steady error of the tuned contenders on the held-out seeds."""
+        figure, panel = self._begun(title, rows)
+        drawn = self._limit(panel, rows, 1)
+        for name in dict.fromkeys(row["name"] for row in rows):
+            color, marker = self._looks.get(name, (OTHERS, "."))
+            if points := sorted(filter(None, (_steady(row) for row in rows if row["name"] == name))):
                 xs, ys = zip(*points, strict=True)
-                panel.plot(xs, ys, marker, color=color, markersize=2.2, linewidth=0.9, ls="-", drawstyle="steps-post")
+                panel.plot(xs, ys, marker, color=color, markersize=3, linewidth=0.5, ls="-", zorder=3)
+                drawn += ys
+        return self._ended(figure, panel, rows, drawn, "steady error on the held-out seeds, q0")
+
+    def _begun(self, title: str, rows: Sequence[Row]) -> tuple[Figure, Axes]:
+        figure = Figure(figsize=(WIDTH / 2 * MM, 72 * MM), layout="constrained")
+        panel = figure.subplots()
         panel.set_title(title, fontsize=7)
         panel.spines[["top", "right"]].set_visible(False)
-        panel.set_xlim(self._ceilings[0] / 20, self._ceilings[-1] * 4)
+        for ceiling in _ceilings(rows):
+            panel.axvline(ceiling, color="gray", linewidth=0.6, dashes=(3, 2), zorder=1)
+        return figure, panel
+
+    def _limit(self, panel: Axes, rows: Sequence[Row], column: int) -> list[float]:
+        limit = self._limits.get(_sensing(rows[0]))
+        known = [point for point in limit["front"] if point[column] is not None] if limit else []
+        xs, ys = ([float(point[i]) for point in known] for i in (0, column))
+        panel.plot(xs, ys, color="black", linewidth=1.4, zorder=5)
+        return ys
+
+    def _ended(self, figure: Figure, panel: Axes, rows: Sequence[Row], drawn: list[float], words: str) -> Figure:
+        ceilings = _ceilings(rows)
+        panel.set_xlim(ceilings[0] / 8, ceilings[-1] * 3)
+        if drawn:
+            panel.set_ylim(0.8 * min(drawn), min(MAX_SPAN * min(drawn), 1.2 * max(drawn)))
         _logarithmic(panel.xaxis, "x")
         _logarithmic(panel.yaxis, "y")
         panel.set_xlabel("chattering index, larger axis")
-        panel.set_ylabel("error on the seeds of training, q0")
+        panel.set_ylabel(words)
         return figure
 
     def legend(self) -> Figure:
-        return _legend(
-            [
-                Line2D([], [], color=color, marker=marker, markersize=3, label=name.replace("_", " "))
-                for name, (color, marker) in self._looks.items()
-            ]
-        )
+        handles = [
+            Line2D([], [], color=color, marker=marker, markersize=3, label=name.replace("_", " "))
+            for name, (color, marker) in self._looks.items()
+        ]
+        if any(limit["front"] for limit in self._limits.values()):
+            handles.insert(0, Line2D([], [], color="black", linewidth=1.4, label="the limit of any controller"))
+        if self._others:
+            handles.append(Line2D([], [], color=OTHERS, linewidth=0.6, label="others"))
+        return _legend(handles)
 
 
 class Robustness:
@@ -141,7 +198,7 @@ def error_data(tables: Sequence[Table], words: str) -> str:
     """Data of all error panels, as CSV."""
     count = max(len(row["sampler_errors"]) for _, rows in tables for row in rows)
     header = ["table", "contender", words, "low end of its 95 % interval", "high end", "within the limits"]
-    header += [f"{words}: tuning {i + 1}, when trained" for i in range(count)]
+    header += [f"{words}: search {i + 1}, when trained" for i in range(count)]
     found = []
     for title, rows in tables:
         for row in rows:
@@ -151,10 +208,19 @@ def error_data(tables: Sequence[Table], words: str) -> str:
     return csv_text(header, found)
 
 
-def front_data(tables: Sequence[Table]) -> str:
-    header = ["table", "contender", "chattering index, larger axis", "error on the seeds of training (q0)"]
-    fronts = ((title, name, _front(rows, name)) for title, rows in tables for name in _names(rows))
-    return csv_text(header, ([title, name, *point] for title, name, points in fronts for point in points))
+def front_data(tables: Sequence[Table], limits: Sequence[Limit]) -> str:
+    """Points of both panels of each table: one of the two errors is blank, except those of the limit."""
+    header = ["table", "contender", "chattering index, larger axis"]
+    header += ["error on the seeds of training (q0)", "steady error on the held-out seeds (q0)"]
+    by_sensing = {_sensing(limit): limit for limit in limits}
+    found: list[list[Any]] = []
+    for title, rows in tables:
+        limit = by_sensing.get(_sensing(rows[0]))
+        found += [[title, "limit", at, error, steady] for at, steady, error in (limit["front"] if limit else [])]
+        found += [[title, name, *point, None] for name in _names(rows) for point in _front(rows, name)]
+        points = ((row["name"], point) for row in rows if (point := _steady(row)))
+        found += [[title, name, chattering, None, steady] for name, (chattering, steady) in points]
+    return csv_text(header, found)
 
 
 def robustness_data(tables: Sequence[Table]) -> str:
@@ -192,6 +258,36 @@ def _legend(handles: Sequence[Line2D]) -> Figure:
 def _names(rows: Sequence[Row]) -> list[str]:
     """Contenders that have a front."""
     return list(dict.fromkeys(row["name"] for row in rows if row["front"]))
+
+
+def _sensing(of: Row | Limit) -> tuple[str, str, float]:
+    return of["scenario"], of["class"], of["noise"]
+
+
+def _ceilings(rows: Sequence[Row]) -> list[float]:
+    return sorted({row["ceiling"] for row in rows})
+
+
+def _error(row: Row) -> float:
+    value = row["metrics"]["error"]["value"]
+    return math.inf if value is None else float(value)
+
+
+def largest(row: Row, names: Sequence[str]) -> float | None:
+    """The largest of these metrics; None where one has no value."""
+    found = [row["metrics"].get(name, {}).get("value") for name in names]
+    known = [float(value) for value in found if value is not None]
+    return max(known) if known and len(known) == len(found) else None
+
+
+CHATTERING = ("chattering_x", "chattering_y")
+
+
+def _steady(row: Row) -> tuple[float, float] | None:
+    """Chattering of the larger axis, and the geometric mean of both axes' steady errors."""
+    chattering = largest(row, CHATTERING)
+    steady = [row["metrics"].get(f"rmse_steady_{axis}", {}).get("value") for axis in "xy"]
+    return None if chattering is None or not all(steady) else (chattering, math.sqrt(steady[0] * steady[1]))
 
 
 def _front(rows: Sequence[Row], name: str) -> list[tuple[float, float]]:

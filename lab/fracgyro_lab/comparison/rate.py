@@ -101,7 +101,8 @@ class Rate(Task):
     metrics = tuple(WORDS)[1:]
     sensing = (("F", 0.0), ("F", 1e-13), ("P", 1e-13))
     quick_sensing = (("P", 1e-13),)
-    ceilings = (0.0,)
+    trials = 200
+    search_seeds = 8
     finds_bandwidth = True
     objectives = (Figure(metric="angle_random_walk"), Figure(metric="output_noise"))
     compared = 1
@@ -181,9 +182,12 @@ class Rate(Task):
         return Measured(metrics, np.isnan(walk))
 
     def train(
-        self, scenario: Scenario, seeds: Sequence[int], base: Scenario, controller: ControllerLike | None
-    ) -> Measured:
-        """Metrics of a trial; skips the noise far beyond a limit."""
+        self, scenarios: Sequence[Scenario], seeds: Sequence[int], base: Scenario, controller: ControllerLike | None
+    ) -> list[Measured]:
+        """Metrics of trials; skips the noise far beyond a limit."""
+        return [self._trained(scenario, seeds, controller) for scenario in scenarios]
+
+    def _trained(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> Measured:
         limits = self.constraints(0.0)
         level, settling = at_range(scenario, seeds[:1], controller)
         at_once = {"scale_factor_error": abs(1e6 * (level / RANGE - 1)), "settling_time": settling}

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .limits import over
 from .plan import Comparison, Row
 from .task import Cell, Task
 
@@ -20,55 +21,86 @@ Interval = dict[str, float | None]
 
 @dataclass(frozen=True)
 class Tuned:
-    """Result of the tunings of a contender in a cell."""
+    """Result of the tuning of a contender in a cell."""
 
-    values: dict[str, Any] | None  # values of the median sampler; None without a feasible trial
-    errors: list[float]  # best error by sampler seed; infinite without a feasible trial
-    trials: list[list[Any]]  # all trials: error, largest constraint, feasible
+    values: dict[str, Any] | None  # of the search with the least error; None if a run of each trial broke a limit
+    searched: list[dict[str, Any]] = field(default_factory=list)  # best values of the other searches that have some
+    errors: list[float] = field(default_factory=list)  # logarithms by search, on training seeds; infinite: none found
+    trials: int = 0
+    converged: bool | None = None  # True if the searches agree; None if there is nothing to tune
+    front: list[list[float]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, result: Mapping[str, Any]) -> Tuned:
+        """From the result of `Tuning.measure`."""
+        searches = result["samplers"]
+        errors = [math.inf if each["error"] is None else float(each["error"]) for each in searches]
+        order = sorted(range(len(searches)), key=lambda i: errors[i])
+        first, *others = (searches[i]["best"] for i in order)
+        return cls(
+            first,
+            [values for values in others if values is not None],
+            errors,
+            sum(each["trials"] for each in searches),
+            result["converged"],
+            result["front"],
+        )
 
 
-def median_of(results: Sequence[dict[str, Any]]) -> Tuned:
-    """The result with the median error; for an even number the worse of the two."""
-    errors = [math.inf if result["error"] is None else float(result["error"]) for result in results]
-    trials = [trial for result in results for trial in result["trials"]]
-    middle = sorted(range(len(results)), key=lambda i: errors[i])[len(results) // 2]
-    return Tuned(results[middle]["best"], errors, trials)
-
-
-def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def made(
+    plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, Any]], limits: Sequence[Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
     """All rows by name. A row without an entry in `judged` had no feasible trial."""
+    by_sensing = {(limit["scenario"], limit["class"], limit["noise"]): dict(limit) for limit in limits}
     found = {}
-    for row in plan.rows():
-        reference = judged.get(f"{plan.task.reference}-{row.cell.name}")
+    for row in plan.rows:
         found[row.name] = _of_tuning(plan, row, tuned[row.name])
         if row.name in judged:
-            found[row.name] |= _of_judging(plan.task, row.cell, judged[row.name], reference)
-    for row in plan.rows():
-        against = found.get(f"{plan.task.reference}-{row.cell.name}")
-        if against is None or not against["kept"]:  # a ratio to an infeasible reference is meaningless
-            found[row.name]["ratio"] = None
-    for row in plan.rows():
-        against = found.get(f"{plan.task.reference}-{row.cell.name}")
-        decides = not plan.effort.quick  # a quick run does not tune
-        if decides and against is not None and row.contender.name != plan.task.reference:
-            found[row.name]["verdict"] = verdict(found[row.name], against)
+            found[row.name] |= _of_judging(plan.task, row.cell, judged[row.name])
+            figures = {name: each["value"] for name, each in found[row.name]["metrics"].items()}
+            found[row.name]["over_limit"] = over(by_sensing.get(row.cell.sensing), row.cell.ceiling, figures)
+    for row in plan.rows:
+        theirs = f"{plan.task.reference}-{row.cell.name}"
+        against, mine = found.get(theirs), found[row.name]
+        # A ratio to a reference that breaks a limit is meaningless.
+        if against is None or not against["kept"] or row.name not in judged:
+            continue
+        mine["ratio"] = ratio_of(judged[row.name], judged[theirs], _failed(tuned[row.name]), _failed(tuned[theirs]))
+        if not plan.effort.quick and row.contender.name != plan.task.reference:  # a quick run does not tune
+            mine["verdict"] = verdict(mine)
     return found
 
 
-def verdict(mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> str | None:
-    """ "less" or "more" error than the reference's, or "undecided"; None where either has none.
+def _failed(tuned: Tuned) -> bool:
+    return not all(map(math.isfinite, tuned.errors))
 
-    It is decided where the interval of the ratio leaves 1 out, and so do all pairs of tunings: those of one contender
-    often differ by more than the seeds of the noise do.
+
+def verdict(mine: Mapping[str, Any]) -> str | None:
+    """ "less" or "more" error than the reference's, or "undecided"; None where there is no ratio within the limits.
+
+    It is decided where the interval of the ratio, which covers all pairs of searches, leaves 1 out.
     """
-    if mine["ratio"] is None or mine["ratio"]["value"] is None or not (mine["kept"] and theirs["kept"]):
+    if mine["ratio"] is None or mine["ratio"]["value"] is None or not mine["kept"]:
         return None
     low, high = mine["ratio"]["low"], mine["ratio"]["high"]
-    own, other = (row["sampler_errors"] or [row["metrics"]["error"]["value"]] for row in (mine, theirs))
-    own, other = ([math.inf if error is None else error for error in errors] for errors in (own, other))
-    if high < 1 and max(own) < min(other):
+    if high is not None and high < 1:
         return "less"
-    return "more" if low > 1 and min(own) > max(other) else "undecided"
+    return "more" if low is not None and low > 1 else "undecided"
+
+
+def ratio_of(mine: Mapping[str, Any], theirs: Mapping[str, Any], failed: bool, theirs_failed: bool) -> Interval:
+    """Ratio of the errors of both best searches, with the 95 % intervals of all pairs of searches together.
+
+    `failed`: a search has found nothing, so that there is no upper end; of the other contender: no lower end.
+    """
+    own, other = ([_array(each) for each in (one["error"], *one["searched"])] for one in (mine, theirs))
+    pairs = [ratio(first, second) for first in own for second in other]
+    lows, highs = ([pair[end] for pair in pairs] for end in ("low", "high"))
+    return {
+        "value": pairs[0]["value"],
+        "low": None if theirs_failed or None in lows else min(low for low in lows if low is not None),
+        "high": None if failed or None in highs else max(high for high in highs if high is not None),
+    }
 
 
 def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
@@ -87,7 +119,8 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
         "ceiling": cell.ceiling,
         "tuned": bool(contender.gains) and not plan.effort.quick,
         "gains": {name: held for gain in found for name, held in gain.changes(values).items()},
-        "trials": plan.effort.trials * len(tuned.errors),
+        "trials": tuned.trials,
+        "converged": tuned.converged,
         "sampler_errors": [_exp(error) for error in tuned.errors],
         "range_ends": [gain.field for gain in gains if gain.field in values and gain.at_end(values[gain.field])],
         "seeds": 0,
@@ -96,21 +129,27 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
         "ratio": None,
         "verdict": None,
         "kept": False,
+        "range": None,
+        "over_limit": None,
         "others": {},
-        "front": front(tuned.trials) if cell.ceiling else [],
+        "front": tuned.front,
     }
 
 
-def _of_judging(task: Task, cell: Cell, judged: dict[str, Any], reference: dict[str, Any] | None) -> dict[str, Any]:
-    """`reference`: that of the contender to which ratios are."""
+def _of_judging(task: Task, cell: Cell, judged: dict[str, Any]) -> dict[str, Any]:
     error = _array(judged["error"])
+    searches = [interval(task, "error", _array(each))["value"] for each in (judged["error"], *judged["searched"])]
+    known = [each for each in searches if each is not None]
     return {
         "seeds": len(error),
         "diverged": judged["diverged"],
         "metrics": {"error": interval(task, "error", error), **_metrics(task, judged["metrics"])},
-        "ratio": None if reference is None else ratio(error, _array(reference["error"])),
+        "range": [min(known), max(known)] if len(known) == len(searches) else None,
         "kept": not judged["diverged"] and _keeps(task, cell, judged["metrics"]),
-        "others": {name: other(task, error, _array(listed)) for name, listed in judged["others"].items()},
+        "others": {
+            name: {**other(task, error, _array(listed)), "chattering": judged["limited"][name]}
+            for name, listed in judged["others"].items()
+        },
     }
 
 
@@ -136,16 +175,6 @@ def ratio(mine: Values, theirs: Values) -> Interval:
     draws = np.random.default_rng(0).integers(0, len(gaps), size=(RESAMPLES, len(gaps)))
     low, high = np.quantile(gaps[draws].mean(axis=1), [0.025, 0.975])
     return {"value": _exp(gaps.mean()), "low": _exp(low), "high": _exp(high)}
-
-
-def front(trials: Sequence[Sequence[Any]]) -> list[list[float]]:
-    """[chattering, error] of the trials that no other beats in both, feasible or not, by rising chattering."""
-    points = sorted((c, e) for e, c, _ in trials if e is not None and c is not None)
-    kept: list[list[float]] = []
-    for chattering, error in points:
-        if not kept or error < kept[-1][1]:
-            kept.append([chattering, error])
-    return [[chattering, math.exp(error)] for chattering, error in kept]
 
 
 def interval(task: Task, metric: str, values: Values) -> Interval:

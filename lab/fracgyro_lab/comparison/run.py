@@ -13,14 +13,13 @@ from typing import Any
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.table import format_value
 from fracgyro.study.folder import claim, free_if_nothing_came, locked
-from fracgyro.study.tune.search import storage_at
 
 from .cost import costs
 from .files import Finished, Piece
 from .output import write_gains, write_json
-from .plan import Comparison, Row, planned
+from .plan import Comparison, planned
 from .report import write_report
-from .rows import Tuned, made, median_of
+from .rows import Tuned, made
 from .task import Task
 from .workers import Workers, workers
 
@@ -33,6 +32,7 @@ class Compared:
     data: Path  #: compare.json
     report: Path
     rows: list[dict[str, Any]]
+    limits: list[dict[str, Any]]  #: as in compare.json, by scenario and sensing
     resumed: int  #: pieces of work that were found finished
     seconds: float
 
@@ -89,11 +89,13 @@ def compare(
             "file is"
         )
     if storage is not None:
+        from fracgyro.study.tune.search import storage_at
+
         storage_at(storage).engine.dispose()  # creates the tables once, before many workers start
     head = {
         "task": plan.task.name,
-        "class": list(dict.fromkeys(information for information, _ in plan.sensing)),
-        "noise": list(dict.fromkeys(noise for _, noise in plan.sensing)),
+        "class": list(dict.fromkeys(cell.information for cell in plan.cells)),
+        "noise": list(dict.fromkeys(cell.noise for cell in plan.cells)),
         "version": version("fracgyro"),
         "effort": asdict(plan.effort),
     }
@@ -103,10 +105,16 @@ def compare(
         with free_if_nothing_came(folder, resume=resume):
             found = work.done()
         report = folder / "report.html"
-        write_report(report, plan, list(found.values()))
-        write_json(folder / "compare.json", head, list(found.values()))
+        write_report(report, plan, list(found.values()), work.limits)
+        write_json(folder / "compare.json", {**head, "limits": work.limits}, list(found.values()))
     return Compared(
-        plan.task, folder / "compare.json", report, list(found.values()), work.resumed, time.perf_counter() - begin
+        plan.task,
+        folder / "compare.json",
+        report,
+        list(found.values()),
+        work.limits,
+        work.resumed,
+        time.perf_counter() - begin,
     )
 
 
@@ -122,35 +130,36 @@ class _Work:
     ) -> None:
         self._plan, self._finished, self._workers, self._progress = plan, finished, side_by_side, progress
         self.resumed = 0
+        self.limits: list[dict[str, Any]] = []
         self._runs = 0
-        rows = plan.rows()
-        tunings = sum(piece.runs for row in rows for piece in plan.tunings(row))
-        self._total = tunings + sum(plan.judging(row, {}).runs for row in rows)
+        tunings = sum(plan.tuning(row, {}).runs for wave in plan.waves() for row in wave)
+        self._total = tunings + sum(plan.judging(row, {}).runs for row in plan.rows)
 
     def done(self) -> dict[str, dict[str, Any]]:
         """The rows, by name."""
-        plan, rows = self._plan, self._plan.rows()
-        self._run([piece for row in rows for piece in plan.tunings(row)], "tuning")
-        tuned = {row.name: self._tuned(row) for row in rows}
+        plan = self._plan
+        tuned = {row.name: Tuned(plan.untuned(row)) for row in plan.rows if not row.contender.gains}
+        for wave in plan.waves():
+            best = {name: found.values for name, found in tuned.items()}
+            pieces = {row.name: plan.tuning(row, best) for row in wave}
+            self._run(list(pieces.values()), "tuning")
+            tuned |= {name: Tuned.of(self._finished.read(piece)) for name, piece in pieces.items()}
         judgings = {
-            row.name: plan.judging(row, values) for row in rows if (values := tuned[row.name].values) is not None
+            row.name: plan.judging(row, values, tuned[row.name].searched)
+            for row in plan.rows
+            if (values := tuned[row.name].values) is not None
         }
         self._total = self._runs + sum(piece.runs for piece in judgings.values())
         self._run(list(judgings.values()), "judging")
         judged = {name: self._finished.read(piece) for name, piece in judgings.items()}
-        found = made(plan, tuned, judged)
-        first = {row.contender.name: judgings[row.name] for row in reversed(rows) if row.name in judgings}
+        self.limits = plan.limits()
+        found = made(plan, tuned, judged, self.limits)
+        first = {row.contender.name: judgings[row.name] for row in reversed(plan.rows) if row.name in judgings}
         timed = costs({name: piece.scenario() for name, piece in first.items() if piece.contender.own is None})
-        for row in rows:
+        for row in plan.rows:
             found[row.name]["cost"] = timed.get(row.contender.name)
         write_gains(self._finished.folder / "gains", judgings, found)
         return found
-
-    def _tuned(self, row: Row) -> Tuned:
-        tunings = self._plan.tunings(row)
-        return (
-            median_of([self._finished.read(t) for t in tunings]) if tunings else Tuned(self._plan.untuned(row), [], [])
-        )
 
     def _run(self, pieces: Sequence[Piece], doing: str) -> None:
         left = [piece for piece in pieces if not self._finished.has(piece)]

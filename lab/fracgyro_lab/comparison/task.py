@@ -36,6 +36,11 @@ class Cell:
     ceiling: float  # limit of the chattering index on either axis; 0: none
 
     @property
+    def sensing(self) -> tuple[str, str, float]:
+        """What it shares with the cells of other ceilings."""
+        return self.scenario, self.information, self.noise
+
+    @property
     def name(self) -> str:
         ceiling = f"-{self.ceiling:g}" if self.ceiling else ""
         return f"{self.scenario}-{self.information}-{self.noise:g}{ceiling}"
@@ -54,7 +59,8 @@ class Task(ABC):
     metrics: ClassVar[tuple[str, ...]]  # additional metrics in tables
     sensing: ClassVar[tuple[tuple[str, float], ...]]  # class of information and noise of each table
     quick_sensing: ClassVar[tuple[tuple[str, float], ...]]  # the same for a quick preview
-    ceilings: ClassVar[tuple[float, ...]]
+    trials: ClassVar[int]  # the most of each search
+    search_seeds: ClassVar[int]  # training seeds that a search uses; all judge its best trials
     finds_bandwidth: ClassVar[bool] = False  # True if `completed` solves for the bandwidth of the rate estimate
     objectives: ClassVar[tuple[Objective, ...]]  # the mean of their logarithms is minimized
     lost: ClassVar[float]  # logarithm of an error above which control is lost
@@ -71,6 +77,18 @@ class Task(ABC):
     @abstractmethod
     def constraints(self, ceiling: float) -> list[Constraint]: ...
 
+    def sensed_by(self, scenario: str, asked: bool) -> tuple[tuple[str, float], ...] | None:
+        """Class of information and noise of a default scenario that is not compared in all of them; else None."""
+        return None
+
+    def ceilings(self, scenario: str, base: Scenario) -> tuple[float, ...]:
+        """Limits of the chattering, ascending, for the scenario with the sensing of a table; 0: none."""
+        return (0.0,)
+
+    def scaled(self, contender: Contender, base: Scenario) -> Contender:
+        """The contender with ranges for this device."""
+        return contender
+
     def completed(self, contender: Contender, base: Scenario, values: Mapping[str, Any]) -> dict[str, Any] | None:
         """The values with dependent ones added; None if there is no solution."""
         return dict(values)
@@ -86,15 +104,18 @@ class Task(ABC):
         """Metrics of every scenario with every seed: objectives, constraints and other columns of tables."""
 
     def train(
-        self, scenario: Scenario, seeds: Sequence[int], base: Scenario, controller: ControllerLike | None
-    ) -> Measured:
-        """Metrics for a tuning: `measure`, or a subset."""
-        (found,) = self.measure([scenario], seeds, base, controller)
-        return found
+        self, scenarios: Sequence[Scenario], seeds: Sequence[int], base: Scenario, controller: ControllerLike | None
+    ) -> list[Measured]:
+        """Metrics of every scenario for a tuning: `measure`, or a subset."""
+        return self.measure(scenarios, seeds, base, controller) if scenarios else []
 
     def figures(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> dict[str, Values]:
         """Additional metrics of the tuned contender, by seed."""
         return {}
+
+    def limit(self, base: Scenario, ceilings: Sequence[float]) -> dict[str, Any] | None:
+        """The least error that any controller can have, as `limits.limit_of` returns it; None if the task has none."""
+        return None
 
     @abstractmethod
     def error(self, measured: Measured) -> Values:

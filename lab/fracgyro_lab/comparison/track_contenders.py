@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .contender import Contender, Gain
+from .contender import Contained, Contender, Gain
 
 PAPER = "paper"  # the reference of all ratios
 
@@ -85,6 +85,12 @@ ZHENG = "Zheng, Dong and Gao, doi 10.1109/CCA.2007.4389216 (abstract read)"
 HOROWITZ = "Park and Horowitz, JMEMS 12 (2003) 101, doi 10.1109/JMEMS.2002.807468 (from memory)"
 YANG = "Feng, Yu and Man, doi 10.1016/S0005-1098(02)00147-4; Yang and Yang 2011 (both from memory)"
 
+# Values that turn a law into a special case of itself, or nearly so at the end of a range.
+INTEGER: dict[str, float] = {ORDER.field: 1.0}
+NO_TERMINAL: dict[str, float] = {TERMINAL_GAIN.field: TERMINAL_GAIN.low, EXPONENT.field: EXPONENT.high}
+LEARNS_NOTHING: dict[str, float] = {LAWS.field: LAWS.low}
+LINEAR_SURFACE: dict[str, float] = {**INTEGER, **NO_TERMINAL}
+
 SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
 CONTENDERS = (
     Contender(
@@ -94,6 +100,11 @@ CONTENDERS = (
         kind("fractional_fast_terminal") | STABLE,
         (*SURFACE, LAWS),
         observer=OBSERVER,
+        contains=(
+            Contained("paper_no_terminal", NO_TERMINAL),
+            Contained("paper_integer_order", INTEGER),
+            Contained("paper_no_adaptation", LEARNS_NOTHING),
+        ),
     ),
     Contender("paper_as_published", "the paper's own gains, not tuned", ORIGINAL, kind("fractional_fast_terminal"), ()),
     Contender(
@@ -104,6 +115,7 @@ CONTENDERS = (
         (ORDER, FRACTIONAL_GAIN, LAYER, RHO, LAWS),
         group=PAPER,
         observer=OBSERVER,
+        contains=(Contained("linear", INTEGER),),
     ),
     Contender(
         "paper_integer_order",
@@ -113,6 +125,7 @@ CONTENDERS = (
         (LINEAR_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO, LAWS),
         group=PAPER,
         observer=OBSERVER,
+        contains=(Contained("linear", NO_TERMINAL),),
     ),
     Contender(
         "paper_no_adaptation",
@@ -131,6 +144,7 @@ CONTENDERS = (
         (*SURFACE, LAWS),
         group=PAPER,
         observer=OBSERVER,
+        contains=(Contained("linear_least_squares", LINEAR_SURFACE),),
     ),
     Contender(
         "paper_joint",
@@ -171,6 +185,7 @@ CONTENDERS = (
         kind("super_twisting"),
         (*TWISTING, LAWS),
         observer=OBSERVER,
+        contains=(Contained("super_twisting", LEARNS_NOTHING),),
     ),
     Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID, observer=OBSERVER),
     Contender(

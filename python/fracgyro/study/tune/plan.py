@@ -94,7 +94,6 @@ class Plan:
     dimensions: tuple[Dimension, ...]
     held_out: list[int]
     controller: ControllerLike | None  # a user's, which replaces the scenario's controller
-    joined: bool = False  # combine the objectives for Optuna: the mean of their logarithms
 
     @property
     def batch(self) -> int:

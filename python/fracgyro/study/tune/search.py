@@ -159,8 +159,6 @@ class Search:
         trial.set_user_attr("score", asdict(found))
         # Logarithms of ratios; otherwise the objective with the largest spread dominates tpe's hypervolume.
         values = [_log(ratio) if math.isfinite(ratio) else WORST for ratio in ratios(found, self.base)]
-        if self._plan.joined:
-            values = [sum(values) / len(values)]
         if file.tune.sampler == "cmaes":
             # cmaes has no constraints and uses only ranks: infeasible trials follow, smallest excess first.
             if not found.feasible:
@@ -185,23 +183,31 @@ def opened(plan: Plan, address: str | None, base: Measured, *, resume: bool) -> 
     storage = None
     try:
         storage = None if address is None else storage_at(address)
-        with _undamaged(resume):
-            study = optuna.create_study(
-                storage=storage,
-                study_name=f"fracgyro-{plan.hash}",
-                directions=["minimize"] * (1 if plan.joined else len(plan.file.objective)),
-                load_if_exists=resume,
-            )
-        yield Search(plan, study, base, resume=resume)
+        with usable(address):
+            with _undamaged(resume):
+                study = optuna.create_study(
+                    storage=storage,
+                    study_name=f"fracgyro-{plan.hash}",
+                    directions=["minimize"] * len(plan.file.objective),
+                    load_if_exists=resume,
+                )
+            yield Search(plan, study, base, resume=resume)
     except optuna.exceptions.DuplicatedStudyError:
         raise ScenarioError(f"{_safe(address)} already has this study: finish it with --resume") from None
-    except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
-        raise ScenarioError(f"{_safe(address)} cannot be used: {_words(error.__cause__ or error, address)}") from None
     finally:
         optuna.logging.set_verbosity(level)
         if storage is not None:
             storage.remove_session()
             storage.engine.dispose()
+
+
+@contextmanager
+def usable(address: str | None) -> Iterator[None]:
+    """Raises ScenarioError if the database fails."""
+    try:
+        yield
+    except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
+        raise ScenarioError(f"{_safe(address)} cannot be used: {_words(error.__cause__ or error, address)}") from None
 
 
 def storage_at(address: str) -> optuna.storages.RDBStorage:
