@@ -29,8 +29,8 @@ struct Oscillators {
     std::size_t count = 0;
 };
 
-// Gains of one axis, whose map is `plant` (held_plant.hpp). States: position, velocity, the constant force, then cosine and sine at
-// each frequency. `bandwidth`: that of the unknown forces.
+// Gains of one axis, whose map is `plant` (held_plant.hpp). States: position, velocity, the constant force, then cosine
+// and sine at each frequency. `bandwidth`: that of the unknown forces.
 [[gnu::noinline]] inline Gains gains(const Matrix<3>& plant, double h, const Sym2<double>& stiffness,
                                      const Datasheet& assumed, double bandwidth, const Oscillators& known,
                                      bool velocity_measured) {
