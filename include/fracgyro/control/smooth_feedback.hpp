@@ -1,4 +1,4 @@
-// Feedback of the error and of earlier forces with the least error for a given smoothness of the force:
+// Feedback of the error and of earlier forces that has the least error for a given smoothness of the force:
 // linear-quadratic control with a price on second differences.
 //
 //        u_f = -k_e e - k_v ė - k_1 p_1 - k_2 p_2 - ...
