@@ -6,8 +6,6 @@ import json
 import math
 import re
 import signal
-import subprocess
-import sys
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,8 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from children import PATIENCE, run_until
+from children import run_until
+from command_server import fracgyro
 from figure_data import column, figure_data
 from fracgyro.scenario.device_core import device_values
 from fracgyro.scenario.schema import ZERO
@@ -58,8 +57,7 @@ class MyController:
 
 
 def sentence(*words: str | Path) -> str:
-    command = [sys.executable, "-m", "fracgyro", "compare", *map(str, words)]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    ran = fracgyro("compare", *words)
     assert ran.returncode == 2, ran
     (line,) = ran.stderr.splitlines()
     return line.removeprefix("fracgyro: ")
