@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -31,7 +30,7 @@ from fracgyro_fpga.graph import CPP, Graph, members, trace
 from fracgyro_fpga.interpreter import Interpreter
 from fracgyro_fpga.microcode import Microcode
 from fracgyro_fpga.proof import check
-from shared import shared
+from shared import compile_once, shared
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -64,9 +63,7 @@ def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     def run(command: list[str], folder: Path | None = None) -> str:
         if "-o" not in command:
             return run_command(command, folder)
-        *compiling, program = command
-        name = hashlib.sha256(" ".join(compiling).encode()).hexdigest()
-        shutil.copy(shared(tmp_path_factory, name, lambda path: run_command([*compiling, str(path)])), program)
+        compile_once(tmp_path_factory, command, run_command)
         return ""
 
     with pytest.MonkeyPatch.context() as patch:

@@ -22,6 +22,7 @@ from fracgyro.export.replay import Difference, Trace, first_difference, load, pa
 from fracgyro.export.targets import DTYPES, answer_columns, answered, answers
 from fracgyro.simulation.dataset import write_run
 
+pytestmark = pytest.mark.usefixtures("lanes")
 STEPS = 20_000
 PAPER = fg.Scenario.paper().replace({"run.duration": STEPS * 1e-3})
 GCC, CLANG = {"CC": "gcc", "CXX": "g++"}, {"CC": "clang", "CXX": "clang++"}

@@ -17,6 +17,7 @@ from fracgyro.simulation.dataset import write_run
 from reference_oracle import motion
 from test_parity import load
 
+pytestmark = pytest.mark.usefixtures("lanes")
 TERMS = [
     {"amplitude": (1.0, 0.5), "frequency": (1.0, 2.0), "phase": (0.0, 0.3)},
     {"amplitude": (0.2, 0.1), "frequency": (7.0, 9.0)},
