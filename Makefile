@@ -27,7 +27,7 @@
 # make setup-octave     Octave and its MEX compiler, from Debian's packages; without them the tests of MATLAB's class
 #                  are skipped
 # make check-sanitized  test FMUs, the Python module and parallel runs under the sanitizers
-# Partial targets: check, test-core, test-python, setup-test; also clean. ARGS="..." is passed to reproduce.
+# Partial targets: built, check, test-core, test-python, setup-test; also clean. ARGS="..." is passed to reproduce.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -47,8 +47,8 @@ export CMAKE_CXX_COMPILER_LAUNCHER ?= $(shell command -v ccache)
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware mutants \
-  test-core test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test \
+.PHONY: reproduce built test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware \
+  mutants test-core test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test \
   setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
@@ -58,11 +58,20 @@ DRAWN := netcdf,report
 reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 	$(BIN)/fracgyro reproduce $(ARGS)
 
-# Compilation starts while packages download. A failure here is repeated, with its reason, by the next command.
-test: .venv/tools setup-test
+# Everything that the tests need. Compilation starts while packages download. A failure here is repeated, with its
+# reason, by the target that needs the result.
+built: export CMAKE_BUILD_PARALLEL_LEVEL := $(WORKERS)
+built: .venv/tools setup-test
 	@$(MAKE) --no-print-directory .venv/installed-test & \
 	  $(MAKE) --no-print-directory --keep-going build/tests-optimized/built build/tests-sanitized/built; wait
-	@$(MAKE) --no-print-directory --keep-going check test-core test-python
+
+# The checks use one processor: they run during the tests, and print their findings when they end.
+test: built .venv/installed-test
+	@mkdir -p build
+	@{ checked=0; $(MAKE) --no-print-directory check >build/check.log 2>&1 || checked=$$?; \
+	  cat build/check.log; exit $$checked; } & check=$$!; failed=0; \
+	  $(MAKE) --no-print-directory --keep-going test-core test-python || failed=$$?; \
+	  wait $$check || failed=$$?; exit $$failed
 	@echo "All checks and tests passed."
 
 # Tests without processes, compilers and reports: less than a minute on two cores if everything is built.

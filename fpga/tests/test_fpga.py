@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
@@ -29,6 +30,7 @@ from fracgyro_fpga.graph import CPP, Graph, members, trace
 from fracgyro_fpga.interpreter import Interpreter
 from fracgyro_fpga.microcode import Microcode
 from fracgyro_fpga.proof import check
+from shared import compile_once, shared
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -52,6 +54,36 @@ SCENARIOS = {
     "open loop": {"controller.kind": "open_loop"},
     "super-twisting, positions only": {"controller.kind": "super_twisting", "device.sensing": "position"},
 }
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Programs that trace or answer depend on the controller's type, not on its numbers: one serves many tests."""
+
+    def run(command: list[str], folder: Path | None = None) -> str:
+        if "-o" not in command:
+            return run_command(command, folder)
+        compile_once(tmp_path_factory, command, run_command)
+        return ""
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(trace.__globals__, "run", run)
+        yield
+
+
+@pytest.fixture
+def guarded(tmp_path_factory: pytest.TempPathFactory, tmp_path: Path) -> Callable[[HardwareNumber], Path]:
+    """A copy of exported hardware with its compiled simulation."""
+    need("FPGA")
+
+    def copied(number: HardwareNumber) -> Path:
+        def fill(folder: Path) -> None:
+            fpga(SHORT.replace(GUARDED), folder, number, unbounded=True)
+            make(folder, "build/controller")
+
+        return shutil.copytree(shared(tmp_path_factory, f"guarded hardware, {number}", fill), tmp_path / "fpga")
+
+    return copied
 
 
 def faulty_motion(scenario: fg.Scenario) -> np.ndarray:
@@ -207,13 +239,11 @@ def test_every_unit_with_a_fixed_point_computes_the_bits_of_the_core(tmp_path: P
 
 @pytest.mark.parametrize("number", ["float", "fixed"])
 def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_core(
-    number: HardwareNumber, tmp_path: Path
+    number: HardwareNumber, guarded: Callable[[HardwareNumber], Path], tmp_path: Path
 ) -> None:
-    need("FPGA")
-    scenario, folder, arithmetic = SHORT.replace(GUARDED), tmp_path / "fpga", ARITHMETICS[number]
+    scenario, folder, arithmetic = SHORT.replace(GUARDED), guarded(number), ARITHMETICS[number]
     motion = faulty_motion(scenario)
     expected = of_the_core(scenario, number, motion, tmp_path / "core")
-    fpga(scenario, folder, number, unbounded=True)
     arithmetic.words(motion).tofile(folder / "motion")
     printed = make(folder, "sim")
     found = np.fromfile(folder / "answer", arithmetic.rows).reshape(len(motion), -1)
@@ -264,12 +294,11 @@ def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_
         np.testing.assert_array_equal(found, expected)
 
 
-def test_a_motion_that_is_cut_short_is_refused(tmp_path: Path) -> None:
-    need("FPGA")
-    fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "fpga")
-    (tmp_path / "fpga" / "motion").write_bytes(b"123")
+def test_a_motion_that_is_cut_short_is_refused(guarded: Callable[[HardwareNumber], Path]) -> None:
+    folder = guarded("float")
+    (folder / "motion").write_bytes(b"123")
     with pytest.raises(ValueError, match="the file motion has 3 bytes: a sample has 16"):
-        make(tmp_path / "fpga", "sim")
+        make(folder, "sim")
 
 
 def test_the_same_scenario_gives_the_same_bytes_from_the_command_and_from_python(tmp_path: Path) -> None:

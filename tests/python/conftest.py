@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from browser import chromium
 from embedded import need
 from hypothesis import HealthCheck, settings
+from shared import compile_once
 
 # Deterministic, independent of time: `make check-deep` searches for new examples.
 settings.register_profile(
@@ -36,6 +38,20 @@ def browser() -> Iterator[Any]:
     need("pages")
     with chromium() as started:
         yield started
+
+
+@pytest.fixture(scope="session")
+def lanes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The program that answers in lanes, for every scenario, is compiled by one process of pytest."""
+    from fracgyro.export import targets
+    from fracgyro.export.compilers import compiler, run
+
+    def system_compiler(*words: str | Path) -> None:
+        compile_once(tmp_path_factory, [*compiler(), *map(str, words)], run)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(targets, "system_compiler", system_compiler)
+        yield
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import fcntl
-from collections.abc import Callable
+import hashlib
+import shutil
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -20,3 +22,10 @@ def shared(factory: pytest.TempPathFactory, name: str, fill: Callable[[Path], ob
             fill(parent / "folder")
             (parent / "filled").touch()
     return parent / "folder"
+
+
+def compile_once(factory: pytest.TempPathFactory, command: Sequence[str], run: Callable[[list[str]], object]) -> None:
+    """Runs a compiler, whose last words are -o and the program. The same words again copy the program."""
+    *compiling, program = command
+    name = hashlib.sha256(" ".join(compiling).encode()).hexdigest()
+    shutil.copy(shared(factory, name, lambda path: run([*compiling, str(path)])), program)

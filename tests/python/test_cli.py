@@ -17,17 +17,13 @@ import pytest
 import xarray as xr
 from children import PATIENCE
 from click.testing import CliRunner
+from command_server import fracgyro as run
 from fracgyro.cli import cli
 from fracgyro.cli.main import COMMANDS
 from fracgyro.scenario.table import toml_value
 
 SHORT = ("--set", "run.duration=2.0")
 BOUNDED = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
-
-
-def run(*words: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "fracgyro", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=PATIENCE)
 
 
 def sentence(result: subprocess.CompletedProcess[str]) -> str:

@@ -6,7 +6,6 @@ import json
 import math
 import re
 import signal
-import sys
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,8 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from children import run_until
+from command_server import fracgyro
 from figure_data import column, figure_data
-from fracgyro.cli import main
 from fracgyro.scenario.device_core import device_values
 from fracgyro.scenario.schema import ZERO
 from fracgyro.scenario.to_core import core_numbers
@@ -62,13 +61,10 @@ class MyController:
 '''
 
 
-def sentence(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
-    with pytest.MonkeyPatch.context() as changed:
-        changed.setattr(sys, "argv", ["fracgyro", "compare", *map(str, words)])
-        with pytest.raises(SystemExit) as left:
-            main()
-    assert left.value.code == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def sentence(*words: str | Path) -> str:
+    ran = fracgyro("compare", *words)
+    assert ran.returncode == 2, ran
+    (line,) = ran.stderr.splitlines()
     return line.removeprefix("fracgyro: ")
 
 
@@ -766,7 +762,7 @@ def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: 
 def test_bad_input_is_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
-    line = sentence(capsys, *words, "--out", tmp_path / "out")
+    line = sentence(*words, "--out", tmp_path / "out")
     assert said in line
     assert "secret" not in line
     assert not (tmp_path / "out").exists()

@@ -14,6 +14,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from children import PATIENCE
+from command_server import fracgyro
 from embedded import STRICT, need
 from fracgyro import _core
 from fracgyro.export.clock import clock_of
@@ -221,8 +222,7 @@ def test_bad_input_ends_with_one_sentence_and_nothing_written(tmp_path: Path, wo
     PAPER.save(tmp_path / "my.toml")
     (tmp_path / "full").mkdir()
     (tmp_path / "full/mine").touch()
-    command = [sys.executable, "-m", "fracgyro", "export", "firmware", *words]
-    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
+    ran = fracgyro("export", "firmware", *words, cwd=tmp_path)
     assert (ran.returncode, ran.stdout) == (2, "")
     assert expected in ran.stderr
     assert len(ran.stderr.splitlines()) == 1

@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import html
 import json
-import subprocess
-import sys
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from command_server import fracgyro
 from figure_data import LINK, Rows, read
 from fracgyro.study import sweep
 from fracgyro.study.sweep import blocks, indices
@@ -216,13 +215,13 @@ points = 16
 run.step = [0.001, 0.008]
 controller.order = { low = 0.5, high = 0.9 }
 """
-    command = [sys.executable, "-m", "fracgyro", "sweep", str(study(tmp_path, text)), "--out", str(tmp_path / "out")]
-    ran = subprocess.run(command, capture_output=True, text=True)
+    words = ["sweep", study(tmp_path, text), "--out", tmp_path / "out"]
+    ran = fracgyro(*words)
     assert ran.returncode == 0, ran.stderr
     why = "32 of 64 points have a run without it, and indices require all points"
     assert f"rmse_whole_x has no Sobol indices: {why}." in ran.stdout
     assert "32 diverged" in ran.stdout
     assert f"has no indices: {why}." in (tmp_path / "out" / "summary.html").read_text(encoding="utf-8")
     assert table(tmp_path / "out" / "indices.csv") == []
-    shown = json.loads(subprocess.run([*command, "--resume", "--json"], capture_output=True, text=True).stdout)
+    shown = json.loads(fracgyro(*words, "--resume", "--json").stdout)
     assert shown["sensitivity"] == {"indices": [], "missing": {"rmse_whole_x": why}}

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from children import PATIENCE
+from command_server import fracgyro
 from fracgyro.export.compilers import system_compiler
 from fracgyro.scenario import ScenarioError
 from fracgyro.study.controller import recorded
@@ -360,8 +361,7 @@ def test_a_controller_that_raises_at_once_leaves_the_folder_free(tmp_path: Path,
 def test_the_command_line_says_that_a_law_needs_python(tmp_path: Path, command: str) -> None:
     text = FIXED + "[vary]\nlaw.kp = { low = 1.0, high = 2.0 }\n"
     text += '[[objective]]\nmetric = "effort_x"\n' if command == "tune" else ""
-    words = [sys.executable, "-m", "fracgyro", command, study(tmp_path, text), "--out", tmp_path / "out"]
-    ran = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
+    ran = fracgyro(command, study(tmp_path, text), "--out", tmp_path / "out")
     assert ran.returncode == 2
     assert ran.stderr.startswith("fracgyro: law.kp is in [vary]: it is only allowed in fracgyro.study.sweep and")
     assert ran.stderr.count("\n") == 1

@@ -24,6 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from children import PATIENCE, run_until
+from command_server import fracgyro
 from figure_data import figure_data
 from fracgyro import _core
 from fracgyro.analysis.metric_names import METRICS
@@ -273,9 +274,7 @@ def test_a_study_that_cannot_run_leaves_no_folder(tmp_path: Path) -> None:
 
 
 def test_a_finished_study_says_so_and_runs_nothing(small: Path) -> None:
-    again = subprocess.run(
-        command(small / "study.toml", "--out", small / "out", "--resume"), capture_output=True, text=True
-    )
+    again = fracgyro("sweep", small / "study.toml", "--out", small / "out", "--resume")
     assert again.returncode == 0
     assert "already finished: no runs left" in again.stdout
 
@@ -329,7 +328,7 @@ def test_bad_use_ends_with_one_sentence(tmp_path: Path, words: list[str], expect
     for folder, name in (("full", "precious.txt"), ("done", "study.json"), ("broken", "study.json")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / name).write_text("{", encoding="utf-8")
-    result = subprocess.run(command(*words), capture_output=True, text=True, cwd=tmp_path)
+    result = fracgyro("sweep", *words, cwd=tmp_path)
     assert result.returncode == 2, result
     assert result.stdout == ""
     assert expected in result.stderr
@@ -552,7 +551,7 @@ def test_a_monotonic_effect_has_rank_correlation_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_example_runs(path: Path, tmp_path: Path) -> None:
-    result = subprocess.run(command(path, "--out", tmp_path / "out", "--json"), capture_output=True, text=True)
+    result = fracgyro("sweep", path, "--out", tmp_path / "out", "--json")
     assert result.returncode == 0, result.stderr
     shown = json.loads(result.stdout)
     assert shown["runs"] == pq.read_table(tmp_path / "out" / "runs").num_rows

@@ -19,7 +19,8 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import sqlalchemy
-from children import PATIENCE, run_until
+from children import run_until
+from command_server import fracgyro
 from figure_data import column, figure_data
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.study import tune
@@ -83,7 +84,7 @@ def command(*words: str | Path) -> list[str]:
 
 
 def sentence(*words: str | Path) -> str:
-    ran = subprocess.run(command(*words), capture_output=True, text=True, timeout=PATIENCE)
+    ran = fracgyro("tune", *words)
     assert ran.returncode == 2, ran
     (line,) = ran.stderr.splitlines()
     return line.removeprefix("fracgyro: ")
