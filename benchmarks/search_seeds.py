@@ -15,7 +15,7 @@ from machine import command, machine, on_one_core, write
 from words import short
 
 DEPENDS_ON = ["pid"]
-CONTENDERS = ("pid", "paper_no_terminal", "linear", "internal_model")
+CONTENDERS = ("pid", "paper_no_adaptation", "internal_model")
 PLACES = (("F", 0.0035), ("P", 0.05))
 NOISE = 1e-13  # m/sqrt(Hz)
 

@@ -96,7 +96,7 @@ class Sampler:
     def _square(self) -> list[Point]:
         """Points of which each coordinate takes every part of its range once."""
         size = max(self.size, 2)
-        count = 4 + 4 * self.size
+        count = 4 + 12 * self.size
         parts = np.argsort(self._random.random((size, count)), axis=1).T
         return list((parts + self._random.random((count, size))) / count)
 
