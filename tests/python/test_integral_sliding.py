@@ -62,20 +62,20 @@ def as_pid(gains: dict[str, float]) -> dict[str, Any]:
     }
 
 
-SLOW = {"surface_gain": 5.0, "reaching_rate": 10.0, "integral_rate": 0.0, "disturbance_observer": 20.0}
-FAST = {"surface_gain": 60.0, "reaching_rate": 60.0, "integral_rate": 0.0, "disturbance_observer": 290.0}
+POLES = {"surface_gain": 60.0, "reaching_rate": 60.0, "integral_rate": 0.0, "disturbance_observer": 290.0}
 
 
 def test_without_noise_the_observer_is_the_integral_of_a_pid() -> None:
-    both = PAPER.replace({**QUIET, "run.duration": 20.0})
-    ours, theirs = late_error(with_gains(both, SLOW)), late_error(both.replace(as_pid(SLOW)))
-    assert ours == pytest.approx(theirs, rel=0.02)  # equal but for terms of the order L h
+    # But for terms of the order L h, and for the plant's own spring, which it cancels and a PID does not: 1 %.
+    both = PAPER.replace({**QUIET, "run.duration": 4.0, "run.step": 1e-4})
+    ours, theirs = late_error(with_gains(both, POLES)), late_error(both.replace(as_pid(POLES)))
+    assert ours == pytest.approx(theirs, rel=0.05)
 
 
 def test_in_noise_its_force_has_far_less_of_the_position_than_that_of_a_pid() -> None:
     noisy = PAPER.replace({**NOISE, "device.velocity_noise_density": 0.0, "run.duration": 6.0})
-    ours = fg.metrics.chattering(fg.simulate(with_gains(noisy, FAST)), (3.0, None)).max()
-    theirs = fg.metrics.chattering(fg.simulate(noisy.replace(as_pid(FAST))), (3.0, None)).max()
+    ours = fg.metrics.chattering(fg.simulate(with_gains(noisy, POLES)), (3.0, None)).max()
+    theirs = fg.metrics.chattering(fg.simulate(noisy.replace(as_pid(POLES))), (3.0, None)).max()
     assert ours < 0.3 * theirs
 
 
@@ -92,7 +92,7 @@ def test_it_bears_what_nobody_stated() -> None:
 
 
 def test_lanes_and_single_precision() -> None:
-    setups = [core_setup(with_gains(SHORT, gains)) for gains in ({}, TUNED, SLOW, {"integral_rate": 0.0})]
+    setups = [core_setup(with_gains(SHORT, gains)) for gains in ({}, TUNED, POLES, {"integral_rate": 0.0})]
     params = _core.MetricsParams()
     separate = _core.measure_runs(setups, params, 1, 1, False)
     for lanes in _core.lane_counts():
