@@ -1,7 +1,7 @@
-// LQG, linear-quadratic-Gaussian control on a joint Kalman filter: one filter estimates motion, damping, stiffness and
-// angular rate, and the feedback on its estimate has the least error for a given smoothness of the force.
+// LQG on a joint Kalman filter: one filter estimates motion, damping, stiffness and angular rate, and the feedback has
+// the least error for a given smoothness of the force.
 //
-// Use it when the sensors are noisy and their noise and delay are known, for tracking and for the rate.
+// Use it when noise and delay of the sensors are known, for tracking and the rate.
 //
 //        u = u_r + u_f        u_r = (D̂ + 2Ω̂) ṙ + K̂ r + r̈
 //
