@@ -218,8 +218,8 @@ std::unique_ptr<AnyController<T>> behind_filter(AnyController<T>& controller, co
     return std::make_unique<FilteredController<T, true>>(controller, common, std::move(owned));
 }
 
-// The controller with these parameters, behind its filter; for a device without velocity sensors, one that needs none or
-// that will be put behind an observer (with_erased).
+// The controller with these parameters, behind its filter; for a device without velocity sensors, one that needs none
+// or that will be put behind an observer (with_erased).
 template <Scalar T>
 std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {
     std::unique_ptr<AnyController<T>> made;
