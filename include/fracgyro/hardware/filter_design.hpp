@@ -20,7 +20,7 @@ namespace fracgyro {
 namespace filter_design {
 
 inline constexpr std::size_t max_frequencies = 4, room = 3 + 2 * max_frequencies;
-using Gains = Table<room, 2>;  // of a measured position and velocity, with a row for each state
+using Gains = Table<room, 2>;  // for a measured position and velocity, with a row for each state
 
 // Frequencies at which forces are estimated.
 struct Oscillators {

@@ -3,8 +3,8 @@
 //
 // Use it when the sensors are noisy and the controller has no filter of its own.
 //
-//    Each step: correct by what is measured, a position q and a velocity v, or only the position; then predict with the
-//    nominal plant over a step, exactly, under the force u held since the known delay:
+//    Each step: correct by the measured position q and velocity v, or only the position; then predict with the nominal
+//    plant over a step, exactly, under the force u that acts after the known delay:
 //
 //        z = z⁻ + L_z [q - q⁻, v - v⁻]        f = f⁻ + L_f [q - q⁻, v - v⁻]        z = [q, v]
 //        z⁻ = F z + G (u + f)        f⁻ = f

@@ -51,11 +51,9 @@ export function scenarioOf(data, state, run) {
   const own = Object.fromEntries(known.map((name) => [name, settings[name]]));
   const device = data.devices[`${state.rate} ${state.sensors}`];
   const { scales, length, reference, disturbance } = data.base;
-  const sheet = Object.entries(data.base.assumed).map(([name, usual]) => [
-    name,
-    settings[`datasheet.${name}`] ?? usual,
-  ]);
-  const assumed = Object.fromEntries(sheet);
+  const assumed = Object.fromEntries(
+    Object.entries(data.base.assumed).map(([name, usual]) => [name, settings[`datasheet.${name}`] ?? usual]),
+  );
   const given = Object.entries({ length, device, reference, disturbance, assumed }).filter(([, each]) => each);
   return { settings: own, scales, ...Object.fromEntries(given) };
 }

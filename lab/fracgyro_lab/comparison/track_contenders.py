@@ -24,7 +24,6 @@ EXPONENT = Gain(
 LAYER = Gain("controller.layer_thickness", 1e-3, 10.0, above="the limit of the force ends before the layer")
 RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
 OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
-FILTER = Gain(OBSERVER.field, 1.0, 2000.0, below="the nominal plant only", above="2 over the step: a force is white")
 LAWS = Gain(
     "adaptation.damping_gain",
     1e-2,
@@ -40,9 +39,16 @@ PID = (
     Gain("controller.damping_ratio", 0.1, 10.0),
     Gain("controller.integral_frequency", 0.01, 2000.0),
 )
+LATE = "an unknown delay then makes the loop unstable"
+FILTERED_PID = (
+    Gain("controller.natural_frequency", 5.0, 400.0, above=LATE),
+    Gain("controller.damping_ratio", 0.6, 1.0, log=False, below=LATE, above=LATE),
+    Gain("controller.integral_frequency", 0.01, 150.0, above=LATE),
+    Gain(OBSERVER.field, 1.0, 800.0, below="the nominal plant only", above=OBSERVER.above),
+)
 RESONANT = (
     PID[0],
-    Gain("controller.damping_ratio", 0.1, 1.2, log=False, above="an unknown delay then makes the loop unstable"),
+    Gain("controller.damping_ratio", 0.1, 1.2, log=False, above=LATE),
     Gain("controller.resonator_gain", 0.05, 60.0),
 )
 INTEGRAL = (
@@ -193,7 +199,7 @@ CONTENDERS = (
         "PID on a Kalman filter of the nominal plant",
         "textbook; docs/decisions/0048",
         kind("pid") | {"controller.filter": "kalman"},
-        (*PID, FILTER),
+        FILTERED_PID,
     ),
     Contender(
         "resonant",
