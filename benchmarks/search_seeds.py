@@ -47,9 +47,8 @@ def gains(tuning: Tuning) -> list[str]:
     start: dict[str, Any] = best["best"]
     whole = dataclasses.replace(tuning, starts=(start,), few=len(tuning.seeds), samplers=1, trials=400)
     after = whole.measure()["samplers"][0]["error"]
-    trials = sum(each["trials"] for each in few["samplers"])
     return [
-        str(trials),
+        str(few["trials"]),
         short(math.exp(best["error"]), 4),
         short(math.exp(after), 4),
         short(math.exp(after - best["error"]), 3),

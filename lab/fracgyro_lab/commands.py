@@ -66,7 +66,7 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
 @click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
 @click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
 @controller_option("Add your own controller.")
-@click.option("--trials", type=int, metavar="N", help="Number of trials of each tuning.")
+@click.option("--trials", type=int, metavar="N", help="Largest number of trials of each search.")
 @click.option("--quick", is_flag=True, help="Run a quick preview: 20 trials, 2 seeds; gains are not tuned.")
 @click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
@@ -98,7 +98,8 @@ def compare(task: str, scenarios: tuple[str, ...], out: Path, as_json: bool, **o
 def _line(row: dict[str, Any]) -> list[str]:
     error, ratio = row["metrics"].get("error", {}).get("value"), row["ratio"] or {}
     marks = "" if row["tuned"] or not row["trials"] else " (untuned)"
-    shown = f"{ratio['value']:.3g} [{ratio['low']:.3g}, {ratio['high']:.3g}]" if ratio.get("value") else "-"
+    low, high = (f"{ratio[end]:.3g}" if ratio.get(end) is not None else "-" for end in ("low", "high"))
+    shown = f"{ratio['value']:.3g} [{low}, {high}]" if ratio.get("value") else "-"
     missing = "diverges" if row["diverged"] else "none kept the limits"
     cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling'] or '-'}"]
     remark = "" if row["kept"] or error is None else "beyond a limit"

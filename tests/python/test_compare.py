@@ -244,14 +244,15 @@ def test_ratios_are_paired_by_seed_and_have_no_value_where_a_run_diverged() -> N
 
 
 def test_of_several_searches_the_best_counts_and_the_others_are_judged_too() -> None:
-    searches = [{"best": {"a": i}, "error": e, "trials": 10} for i, e in enumerate([3.0, 1.0, 2.0])]
-    found = Tuned.of({"samplers": searches, "converged": False, "front": [[1.0, 2.0]]})
+    searches = [{"best": {"a": i}, "error": e} for i, e in enumerate([3.0, 1.0, 2.0])]
+    common: dict[str, Any] = {"trials": 30, "converged": False, "front": [[1.0, 2.0]]}
+    found = Tuned.of({"samplers": searches, **common})
     assert (found.values, found.searched, found.errors) == ({"a": 1}, [{"a": 2}, {"a": 0}], [3.0, 1.0, 2.0])
     assert (found.trials, found.converged, found.front) == (30, False, [[1.0, 2.0]])
-    lost = {"best": None, "error": None, "trials": 10}
-    found = Tuned.of({"samplers": [lost, searches[0]], "converged": False, "front": []})
+    lost = {"best": None, "error": None}
+    found = Tuned.of({"samplers": [lost, searches[0]], **common})
     assert (found.values, found.searched) == ({"a": 0}, [])
-    assert Tuned.of({"samplers": [lost, lost], "converged": False, "front": []}).values is None
+    assert Tuned.of({"samplers": [lost, lost], **common}).values is None
 
 
 def test_a_ratio_covers_all_pairs_of_searches() -> None:
@@ -360,17 +361,20 @@ def test_searches_that_disagree_go_on_to_the_cap_and_say_so() -> None:
     assert not converged([0.0]), "a single search agrees with none"
 
 
-def test_a_start_that_all_share_is_no_agreement_before_each_has_searched() -> None:
-    """Both have the start's value at once, and a better one only by a descent."""
+@pytest.mark.parametrize("size", [1, 3])
+def test_a_start_that_all_share_is_no_agreement_before_each_has_searched(size: int) -> None:
+    """Both have the start's value at once, which no random point has, and a better one only by a descent."""
     trials = [0, 0]
 
     def measure(which: int, points: list[Point]) -> list[float]:
+        assert all(len(point) == size for point in points)
         trials[which] += len(points)
         return [bowl(point) for point in points]
 
-    start = np.full(3, 0.6)
-    found = search(measure, 3, [start], (1, 2), 1500)
-    assert all(sampler.best < bowl(start) - 1.0 for sampler in found)
+    start = np.full(size, 0.38 if size > 1 else 0.44)
+    found = search(measure, size, [start], (1, 2), 1500)
+    assert -3.8 < bowl(start) < -3.2
+    assert all(sampler.best < -3.9 for sampler in found)
     assert trials == [sampler.trials for sampler in found]
 
 
@@ -526,7 +530,7 @@ def test_compare_json_has_what_others_rely_on(small: Compared) -> None:
     ]
     for row in found["contenders"]:
         assert row["tuned"] is False, "--quick tunes nothing"
-        assert 1 <= row["trials"] <= 4
+        assert 1 <= row["trials"] <= 8, "with a steeper penalty once more, if nothing kept the limits"
         assert row["converged"] is False, "a single search agrees with none"
         if not row["metrics"]:
             continue

@@ -98,6 +98,7 @@ class Comparison:
             return at[row.name]
 
         tuned = [row for row in self.rows if row.contender.gains]  # an observer by itself is left as it is
+        tuned.sort(key=lambda row: -len(row.contender.gains))  # the longest first, or they end with one processor idle
         return [[row for row in tuned if place(row) == wave] for wave in range(max(map(place, tuned), default=-1) + 1)]
 
     def before(self, row: Row) -> list[tuple[Row, Contained]]:

@@ -41,7 +41,7 @@ class Tuned:
             first,
             [values for values in others if values is not None],
             errors,
-            sum(each["trials"] for each in searches),
+            result["trials"],
             result["converged"],
             result["front"],
         )

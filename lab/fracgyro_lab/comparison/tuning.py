@@ -13,7 +13,7 @@ from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.study.tune.criteria import Measured, Score, score
 
 from .contender import Contender
-from .converge import Point, Sampler, converged, search
+from .converge import Point, converged, search
 from .journal import Journal, opened
 from .own import controller_of
 from .task import Cell, Task
@@ -51,10 +51,10 @@ class Tuning:
         return self.samplers * (self.trials * self.few + CONFIRMED * len(self.seeds))
 
     def measure(self) -> dict[str, Any]:
-        """By search: the best gains with their error, and the number of trials; the front of all trials."""
+        """By search: the best gains with their error; the number of trials, and their front."""
         with opened(self.storage, self._parts()) as journal:
-            for steep in STEEP:
-                trials = _Trials(self, journal, steep)
+            trials = _Trials(self, journal)
+            for trials.steep in STEEP:
                 samplers = search(
                     trials.goals,
                     len(trials.gains),
@@ -64,17 +64,17 @@ class Tuning:
                 )
                 if trials.ended_within_the_limits():
                     break
-            found = [self._confirmed(trials, i, sampler) for i, sampler in enumerate(samplers)]
+            found = [self._confirmed(trials.best(i)) for i in range(len(samplers))]
         errors = [math.inf if each["error"] is None else float(each["error"]) for each in found]
         return {
             "samplers": found,
+            "trials": trials.count,
             "converged": all(map(math.isfinite, errors)) and converged(errors),
             "front": trials.front(),
         }
 
-    def _confirmed(self, trials: _Trials, which: int, sampler: Sampler) -> dict[str, Any]:
-        """The best trial on all training seeds, among the best ones of the search."""
-        best = trials.best(which)
+    def _confirmed(self, best: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """The best trial on all training seeds, among the first of these."""
         for attempt in range(ATTEMPTS):
             candidates = best[CONFIRMED * attempt :][:CONFIRMED]
             scores = self.scores(candidates, self.seeds)
@@ -82,8 +82,8 @@ class Tuning:
             if errors and min(errors) < math.inf:
                 least = int(np.argmin(errors))
                 values = self.task.completed(self.contender, self.base, candidates[least])
-                return {"best": values, "error": errors[least], "trials": sampler.trials}
-        return {"best": None, "error": None, "trials": sampler.trials}
+                return {"best": values, "error": errors[least]}
+        return {"best": None, "error": None}
 
     def _error(self, found: Score) -> float:
         return _mean_log(found.objectives[: self.task.compared])
@@ -132,12 +132,18 @@ class _Trials:
     largest constraint.
     """
 
-    def __init__(self, tuning: Tuning, journal: Journal, steep: float) -> None:
-        self._tuning, self._journal, self._steep = tuning, journal, steep
+    def __init__(self, tuning: Tuning, journal: Journal) -> None:
+        self._tuning, self._journal = tuning, journal
+        self.steep = STEEP[0]
         self.gains = tuning.contender.tuned(tuning.cell.information)
         self._limits = [MARGIN * (c.at_most or 0.0) for c in tuning.task.constraints(tuning.cell.ceiling)]
         self._found: dict[tuple[float, ...], list[Any]] = {}
         self._of: list[list[tuple[float, ...]]] = [[] for _ in range(tuning.samplers)]
+
+    @property
+    def count(self) -> int:
+        """Number of different trials."""
+        return len(self._found)
 
     def goals(self, which: int, points: list[Point]) -> list[float]:
         """Values of points, which the search minimizes."""
@@ -158,7 +164,7 @@ class _Trials:
 
     def _goal(self, key: tuple[float, ...]) -> float:
         value, over, *_ = self._found[key]
-        return float(value + self._steep * math.log(max(over, 1.0)))
+        return float(value + self.steep * math.log(max(over, 1.0)))
 
     def _keeps(self, key: tuple[float, ...]) -> bool:
         value, over, *_ = self._found[key]
