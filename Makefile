@@ -61,9 +61,8 @@ reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 
 # Everything that the tests need. Compilation starts while packages download. A failure here is repeated, with its
 # reason, by the target that needs the result.
-built: export CMAKE_BUILD_PARALLEL_LEVEL := $(WORKERS)
 built: .venv/tools setup-test
-	@$(MAKE) --no-print-directory .venv/installed-test & \
+	@export CMAKE_BUILD_PARALLEL_LEVEL=$(WORKERS); $(MAKE) --no-print-directory .venv/installed-test & \
 	  $(MAKE) --no-print-directory --keep-going build/tests-optimized/built build/tests-sanitized/built; wait
 
 # The checks use one processor: they run during the tests, and print their findings when they end.
