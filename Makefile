@@ -36,7 +36,8 @@ WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
 # With address randomization, the sanitizers of some compilers fail on some kernels.
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
-PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
+# The slowest tests are listed: they are worth a look before others.
+PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=25 --durations-min=1
 CPP := $(shell find include bindings integrations fpga examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
 BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
   $(shell find integrations -type f)
@@ -60,9 +61,8 @@ reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 
 # Everything that the tests need. Compilation starts while packages download. A failure here is repeated, with its
 # reason, by the target that needs the result.
-built: export CMAKE_BUILD_PARALLEL_LEVEL := $(WORKERS)
 built: .venv/tools setup-test
-	@$(MAKE) --no-print-directory .venv/installed-test & \
+	@export CMAKE_BUILD_PARALLEL_LEVEL=$(WORKERS); $(MAKE) --no-print-directory .venv/installed-test & \
 	  $(MAKE) --no-print-directory --keep-going build/tests-optimized/built build/tests-sanitized/built; wait
 
 # The checks use one processor: they run during the tests, and print their findings when they end.

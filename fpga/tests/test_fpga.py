@@ -81,7 +81,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory, tmp_path: Path) -> Callabl
             fpga(SHORT.replace(GUARDED), folder, number, unbounded=True)
             make(folder, "build/controller")
 
-        return shutil.copytree(shared(tmp_path_factory, f"guarded hardware, {number}", fill), tmp_path / "fpga")
+        return shutil.copytree(shared(tmp_path_factory, f"guarded_{number}", fill), tmp_path / "fpga")
 
     return copied
 

@@ -51,6 +51,15 @@ def limited_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return shared(tmp_path_factory, "limited firmware", fill)
 
 
+@pytest.fixture(scope="session")
+def checked_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    def fill(folder: Path) -> None:
+        fg.export.firmware(CHECKED, folder)
+        Host(folder, "float")  # compiles it
+
+    return shared(tmp_path_factory, "checked firmware", fill)
+
+
 @pytest.fixture
 def limited(limited_folder: Path) -> Host:
     return Host(limited_folder, "float")
@@ -298,9 +307,8 @@ def test_at_the_limit_the_estimates_rest_where_they_would_wind_up(limited: Host)
 
 
 @pytest.mark.parametrize("place", range(4))
-def test_a_sample_that_the_plant_cannot_have_moved_to_is_held_through(place: int, tmp_path: Path) -> None:
-    fg.export.firmware(CHECKED, tmp_path / "out")
-    host, run = Host(tmp_path / "out", "float"), fg.simulate(CHECKED.replace({"run.duration": 0.2}))
+def test_a_sample_that_the_plant_cannot_have_moved_to_is_held_through(place: int, checked_folder: Path) -> None:
+    host, run = Host(checked_folder, "float"), fg.simulate(CHECKED.replace({"run.duration": 0.2}))
     motion = np.hstack([run["position"].values, run["velocity"].values])
     for n, (x, y, v, w) in enumerate(motion.tolist()):
         broken = [x, y, v, w]
@@ -315,9 +323,10 @@ def test_a_sample_that_the_plant_cannot_have_moved_to_is_held_through(place: int
             assert status in (OK, SATURATED)
 
 
-def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_samples_agree(tmp_path: Path) -> None:
-    fg.export.firmware(CHECKED, tmp_path / "out")
-    host, run = Host(tmp_path / "out", "float"), fg.simulate(CHECKED.replace({"run.duration": 1.0}))
+def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_samples_agree(
+    checked_folder: Path,
+) -> None:
+    host, run = Host(checked_folder, "float"), fg.simulate(CHECKED.replace({"run.duration": 1.0}))
     motion, stiffness = np.hstack([run["position"].values, run["velocity"].values]), CHECKED.plant.nondimensional()[1]
     patience = guard(CHECKED).patience
     assert patience == 8
@@ -325,7 +334,7 @@ def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_sam
     assert reported[500:507] == [NOT_FINITE] * 7
     assert reported[507 : 600 + 4 * patience - 1] == [LOST] * (600 + 31 - 507)
     assert {*reported[:500], reported[631]} <= {OK, SATURATED}
-    fresh, wanted = Host(tmp_path / "out", "float"), []
+    fresh, wanted = Host(checked_folder, "float"), []
     for n, m in enumerate(motion[:560].tolist()):
         fresh.step((NAN, 0.0) if n >= 500 else m[:2], m[2:])
         r = np.array([math.sin(math.pi * n * 1e-3), math.cos(math.pi / 2 * n * 1e-3)])
