@@ -112,7 +112,7 @@ class Fronts:
     def _begun(self, title: str, rows: Sequence[Row]) -> tuple[Figure, Axes]:
         figure = Figure(figsize=(WIDTH / 2 * MM, 72 * MM), layout="constrained")
         panel = figure.subplots()
-        panel.set_title(title, fontsize=7)
+        panel.set_title(_broken(title), fontsize=7)
         panel.spines[["top", "right"]].set_visible(False)
         for ceiling in _ceilings(rows):
             panel.axvline(ceiling, color="gray", linewidth=0.6, dashes=(3, 2), zorder=1)
@@ -243,7 +243,7 @@ def _lines(title: str, rows: Sequence[Row]) -> tuple[Figure, Axes]:
     panel.set_xscale("log")
     panel.set_yticks(range(len(rows)), [row["name"].replace("_", " ") for row in reversed(rows)], fontsize=6.5)
     panel.set_ylim(-0.7, len(rows) - 0.3)
-    panel.set_title(title, fontsize=7)
+    panel.set_title(_broken(title), fontsize=7)
     panel.grid(axis="y", linewidth=0.3, color="#e3e7ea")
     panel.spines[["top", "right"]].set_visible(False)
     return figure, panel
@@ -258,6 +258,11 @@ def _legend(handles: Sequence[Line2D]) -> Figure:
 def _names(rows: Sequence[Row]) -> list[str]:
     """Contenders that have a front."""
     return list(dict.fromkeys(row["name"] for row in rows if row["front"]))
+
+
+def _broken(title: str) -> str:
+    """Two lines, if there is a scenario before the class."""
+    return title if title.startswith("class") else title.replace(", class", "\nclass", 1)
 
 
 def _sensing(of: Row | Limit) -> tuple[str, str, float]:
