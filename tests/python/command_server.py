@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import json
+import select
 import subprocess
 import sys
 import tempfile
 from functools import cache
 from pathlib import Path
 
+from children import PATIENCE
+
 # Forks a process for each line of its input, whose arguments, folder and files the line names, and prints the exit
 # code. The process is what `python -m fracgyro` is after its imports.
 SERVER = """
 import json, os, sys, traceback
-from fracgyro.cli import main
+import fracgyro.analysis.metrics, fracgyro.simulation.simulate, rich.console, rich.table
+from fracgyro.cli import cli, main
+from fracgyro.cli.main import COMMANDS
 
+for name in COMMANDS:
+    cli.get_command(None, name)
 for line in sys.stdin:
     words, folder, output, errors = json.loads(line)
     child = os.fork()
@@ -57,7 +64,9 @@ def fracgyro(*words: str | Path, cwd: Path | None = None) -> subprocess.Complete
         files = [Path(name) / stream for stream in ("output", "errors")]
         server.stdin.write(json.dumps([arguments, str(cwd or Path.cwd()), *map(str, files)]) + "\n")
         server.stdin.flush()
+        if not select.select([server.stdout], [], [], PATIENCE)[0]:
+            server.kill()
         code = server.stdout.readline()
-        assert code, "the server of commands has ended"
+        assert code, f"{arguments} takes longer than {PATIENCE} s, or the server of commands has ended"
         output, errors = (file.read_text(encoding="utf-8", errors="surrogateescape") for file in files)
     return subprocess.CompletedProcess(arguments, int(code), output, errors)
