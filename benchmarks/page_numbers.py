@@ -355,16 +355,16 @@ def limit() -> Rows:
 
 
 def near_limit() -> Rows:
-    columns = ("bandwidth", "error x, y", "over limit", "start over limit", "with a hidden step")
+    columns = ("bandwidth", "error x, y", "over limit", "with a hidden step")
     return [
         [
-            f"{row['sensing']}" + (f", {row['noise (m/√Hz)']} m/√Hz" if noisy else ", no noise"),
+            row["sensing"],
             f"≤ {row['ceiling']}",
             f"`{row['law']}`, {row['margin']}",
             *(row[column] for column in columns),
         ]
         for row in logs.rows("limit", *columns)
-        for noisy in [number(row["noise (m/√Hz)"]) > 0.0]
+        if number(row["noise (m/√Hz)"]) > 0.0
     ]
 
 
