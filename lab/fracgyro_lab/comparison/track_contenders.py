@@ -21,7 +21,7 @@ TERMINAL_GAIN = Gain("controller.terminal_gain", 1e-2, 1000.0, below="0 is the l
 EXPONENT = Gain(
     "controller.terminal_exponent", 0.35, 0.95, log=False, below="the loop magnifies rounding", above="1 is linear"
 )
-LAYER = Gain("controller.layer_thickness", 1e-3, 10.0, above="the limit of the force ends before the layer")
+LAYER = Gain("controller.layer_thickness", 1e-3, 300.0, above="as wide as the start, so that the law is linear")
 RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
 OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
 LAWS = Gain(
@@ -40,11 +40,13 @@ PID = (
     Gain("controller.integral_frequency", 0.01, 2000.0),
 )
 LATE = "an unknown delay then makes the loop unstable"
+FILTERED = {"controller.filter": "kalman"}
+FILTER = Gain(OBSERVER.field, 1.0, 800.0, below="the nominal plant only", above=OBSERVER.above)
 FILTERED_PID = (
     Gain("controller.natural_frequency", 5.0, 400.0, above=LATE),
     Gain("controller.damping_ratio", 0.6, 1.0, log=False, below=LATE, above=LATE),
     Gain("controller.integral_frequency", 0.01, 150.0, above=LATE),
-    Gain(OBSERVER.field, 1.0, 800.0, below="the nominal plant only", above=OBSERVER.above),
+    FILTER,
 )
 RESONANT = (
     PID[0],
@@ -55,7 +57,7 @@ INTEGRAL = (
     Gain("controller.surface_gain", 3.0, 600.0),
     Gain("controller.reaching_rate", 5.0, 800.0, above="0.8 over the step"),
     Gain("controller.integral_rate", 0.01, 500.0, below="0 is the law without it"),
-    Gain("controller.disturbance_observer", 3.0, 400.0, above="a hidden step of delay then makes the loop unstable"),
+    Gain("controller.disturbance_observer", 3.0, 400.0, above=LATE),
 )
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
@@ -161,12 +163,28 @@ CONTENDERS = (
         group=PAPER,
     ),
     Contender(
+        "paper_kalman",
+        "the paper's on a Kalman filter of the nominal plant",
+        f"{ORIGINAL}; docs/decisions/0048",
+        kind("fractional_fast_terminal") | STABLE | FILTERED,
+        (*SURFACE, LAWS, FILTER),
+        group=PAPER,
+        contains=(Contained("linear_kalman", LINEAR_SURFACE),),
+    ),
+    Contender(
         "linear",
         "adaptive linear sliding mode",
         BATUR,
         kind("linear") | STABLE | CONSTANT_BOUND,
         (LINEAR_GAIN, LAYER, RHO, LAWS),
         observer=OBSERVER,
+    ),
+    Contender(
+        "linear_kalman",
+        "adaptive linear sliding mode on a Kalman filter of the nominal plant",
+        f"{BATUR}; docs/decisions/0048",
+        kind("linear") | STABLE | CONSTANT_BOUND | FILTERED,
+        (LINEAR_GAIN, LAYER, RHO, LAWS, FILTER),
     ),
     Contender(
         "linear_least_squares",
@@ -198,7 +216,7 @@ CONTENDERS = (
         "pid_kalman",
         "PID on a Kalman filter of the nominal plant",
         "textbook; docs/decisions/0048",
-        kind("pid") | {"controller.filter": "kalman"},
+        kind("pid") | FILTERED,
         FILTERED_PID,
     ),
     Contender(
