@@ -11,7 +11,7 @@
 # make bench-behind     regenerate only the logs that are older than their sources
 # make logs-current     fail if a log is older than its sources
 # make pages       update the numbers of README.md and docs/ from the logs
-# make compare     compare the controllers, in full; into benchmarks/results/compare.md
+# make compare     compare the controllers, in full; into benchmarks/results/compare_*.md
 # make article     typeset the replication article; into build/article/article.pdf
 # make docs        build the documentation site, into build/site
 # make wheel       build sdist and wheel and test them in a clean environment; into dist
@@ -138,7 +138,7 @@ lock: $(BIN)/pip
 	  --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	  $(patsubst %,--extra %,$(subst $(COMMA), ,$(DRAWN))) --output-file requirements.lock pyproject.toml -
 
-# Resumes the results in build/compare. ARGS="--quick": the log is then marked as untuned.
+# Resumes the results in build/compare. ARGS="track": only that task. ARGS="--quick": the logs are marked as untuned.
 compare: .venv/installed-test
 	$(BIN)/python lab/compare.py $(ARGS)
 

@@ -660,7 +660,7 @@ def section(information: str, ceiling: str) -> str:
 
 
 def over_papers(contender: str, place: tuple[str, str]) -> str:
-    return cell("compare", "over the paper's (95 %)", section=section(*place), contender=contender)
+    return cell("compare_track", "over the paper's (95 %)", section=section(*place), contender=contender)
 
 
 def runs() -> list[float]:
@@ -713,7 +713,7 @@ def tracking() -> Rows:
         cells = []
         for place in TRACKED:
             ratio = over_papers(name, place)
-            decided = cell("compare", "decided", section=section(*place), contender=name)
+            decided = cell("compare_track", "decided", section=section(*place), contender=name)
             cells.append(f"{ratio.split()[0]}, undecided" if decided == "undecided" else ratio)
         rows.append([words, *cells])
     worst = [over_papers("park_horowitz", place).split()[0] for place in TRACKED]
@@ -722,7 +722,7 @@ def tracking() -> Rows:
 
 def under_changes() -> Rows:
     def of(name: str, condition: str) -> str:
-        cells = [cell("compare", condition, **{"section": section(*place), ERROR: name}) for place in TRACKED]
+        cells = [cell("compare_track", condition, **{"section": section(*place), ERROR: name}) for place in TRACKED]
         return ", ".join("lost" if each.startswith("lost") else each for each in cells)
 
     rows = []
@@ -745,7 +745,9 @@ def sensing_task() -> Rows:
     rows = []
     for name in ("lqg", "paper_joint", "force_rebalance", "park_horowitz"):
         (found,) = (
-            r for r in logs.rows("compare", "section", columns[0]) if (r["section"], r["contender"]) == (SENSED, name)
+            r
+            for r in logs.rows("compare_rate", "section", columns[0])
+            if (r["section"], r["contender"]) == (SENSED, name)
         )
         cells = [found.get(column, "not yet").split()[0] if column in found else "not yet" for column in columns]
         plain = [digits(each.replace("e−", "e-"), 3) for each in cells]
@@ -766,17 +768,17 @@ BOTH, ONLY = "positions and velocities", "positions only"
 
 
 def step_of_delay() -> list[float]:
-    of = [cell("compare", CONDITIONS[1], **{"section": section(*place), ERROR: "lqg"}) for place in TRACKED]
-    papers = [cell("compare", CONDITIONS[1], **{"section": section(*place), ERROR: "paper"}) for place in TRACKED]
+    of = [cell("compare_track", CONDITIONS[1], **{"section": section(*place), ERROR: "lqg"}) for place in TRACKED]
+    papers = [cell("compare_track", CONDITIONS[1], **{"section": section(*place), ERROR: "paper"}) for place in TRACKED]
     errors = [number(over_papers("lqg", place)) for place in TRACKED]
     return [e * number(a) / number(b) for e, a, b in zip(errors, of, papers, strict=True)]
 
 
 COMPARE: dict[str, Callable[[], str]] = {
     **extremes("lqg.hidden", step_of_delay, short),
-    "rate.lqg_over": lambda: cell("compare", "over force rebalance's (95 %)", section=SENSED, contender="lqg").split()[
-        0
-    ],
+    "rate.lqg_over": lambda: cell(
+        "compare_rate", "over force rebalance's (95 %)", section=SENSED, contender="lqg"
+    ).split()[0],
     "flops.lqg": lambda: operations("lqg", BOTH),
     "flops.lqg_positions": lambda: operations("lqg", ONLY),
     "flops.paper": lambda: operations("fractional_fast_terminal", BOTH),

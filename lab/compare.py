@@ -1,4 +1,4 @@
-"""The controllers compared in full; writes benchmarks/results/compare.md. Resumes what build/compare holds of
+"""The controllers compared in full; writes compare_track.md and compare_rate.md. Resumes what build/compare holds of
 these sources.
 
 The numbers are in compare-track.json and compare-rate.json of the same folder, which the article reads.
@@ -34,6 +34,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from machine import RESULTS, command, machine, write
 from sources import digest
 
+LOGS = {"compare_track": [], "compare_rate": []}
 OUT = Path(__file__).parents[1] / "build" / "compare" / digest(Path(__file__).resolve())  # by sources
 STEP = 0.97  # between points of a front in the JSON files
 DIGITS = 4  # significant digits in the JSON files
@@ -157,30 +158,35 @@ def keep(data: Path, name: str, task: Task) -> None:
     (RESULTS / name).write_text(f'{head}, "contenders": [\n{rows}\n]}}\n', encoding="utf-8")
 
 
+def log_of(name: str, result: Compared, quick: bool) -> list[str]:
+    """The log of a task."""
+    task = TASKS[name]
+    lines = [f"# Which controller? {task.title}", ""]
+    lines += [f"Made by `{command()}`, which `make compare` runs. Machine: {machine('cmaes')}.", ""]
+    lines += ["**Untuned.**" if quick else "Rules and words: [the comparison](../../docs/compare.md).", ""]
+    lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
+    named = result.rows[0]["scenario"]
+    for words, rows in tables_of(result.rows, with_ceiling=False, unnamed=named) if result.limits else []:
+        lines += [f"### the front: {words}", "", *front(rows, result.limits), ""]
+    for limit in result.limits:
+        lines += [f"No limit: {limit['scenario']}, class {limit['class']}: {limit['why']}", ""] if limit["why"] else []
+    for words, rows in tables_of(result.rows, with_ceiling=True, unnamed=named):
+        lines += [f"### {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
+    return lines[:-1]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a minute's look; the log is marked as untuned")
-    quick = parser.parse_args().quick
-    lines = ["# Which controller?", ""]
-    lines += [f"Made by `{command()}`, which is `make compare`. Machine: {machine('optuna')}.", ""]
-    lines += ["**Untuned.**" if quick else "Rules and words: [the comparison](../../docs/compare.md).", ""]
-    for name, task in TASKS.items():
-        result = compared(name, quick)
-        if not quick:
-            keep(result.data, f"compare-{name}.json", task)
-        lines += [f"## {name}", ""]
-        lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
-
-        named = result.rows[0]["scenario"]
-        for words, rows in tables_of(result.rows, with_ceiling=False, unnamed=named) if result.limits else []:
-            lines += [f"### the front: {words}", "", *front(rows, result.limits), ""]
-        for limit in result.limits:
-            lines += (
-                [f"No limit: {limit['scenario']}, class {limit['class']}: {limit['why']}", ""] if limit["why"] else []
-            )
-        for words, rows in tables_of(result.rows, with_ceiling=True, unnamed=named):
-            lines += [f"### {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
-    write("compare", lines[:-1])
+    parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"Of {', '.join(TASKS)}; all if none is given.")
+    parser.add_argument("--quick", action="store_true", help="a minute's look; the logs are marked as untuned")
+    given = parser.parse_args()
+    for name in given.tasks or TASKS:
+        if name not in TASKS:
+            parser.error(f"TASK is {name}: it must be among {', '.join(TASKS)}")
+        result = compared(name, given.quick)
+        if not given.quick:
+            keep(result.data, f"compare-{name}.json", TASKS[name])
+        write(f"compare_{name}", log_of(name, result, given.quick))
 
 
 if __name__ == "__main__":

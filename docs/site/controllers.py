@@ -125,7 +125,9 @@ def _compared(kind: str) -> Iterator[str]:
         for each in track_contenders.CONTENDERS
         if each.fixed.get("controller.kind") == kind and set(cells := _tracked(each.name)) != {"–"}
     ]
-    rows = {row["contender"]: row[ARW] for row in logs.rows("compare", ARW) if row["section"] == page_numbers.SENSED}
+    rows = {
+        row["contender"]: row[ARW] for row in logs.rows("compare_rate", ARW) if row["section"] == page_numbers.SENSED
+    }
     sensing = [
         (f"`{each.name}`: {each.words}", "no gains found" if rows[each.name] == "–" else rows[each.name])
         for each in rate_contenders.CONTENDERS
@@ -142,7 +144,7 @@ def _compared(kind: str) -> Iterator[str]:
 
 def _tracked(contender: str) -> list[str]:
     wanted = {page_numbers.section(*place): "–" for place in page_numbers.TRACKED}
-    for row in logs.rows("compare", "decided"):
+    for row in logs.rows("compare_track", "decided"):
         if row["contender"] == contender and row["section"] in wanted:
             ratio = row["over the paper's (95 %)"]
             wanted[row["section"]] = f"{ratio.split()[0]}, undecided" if row["decided"] == "undecided" else ratio
