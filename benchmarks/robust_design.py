@@ -82,7 +82,7 @@ def h_infinity(bandwidth: float, weight: float) -> np.ndarray:
     """
     scale = weight * bandwidth**-6
     a, b = extended()
-    change = np.array([[0.0, 0.0, 1.0, -1.0, 1.0]])  # of u, from the states and v
+    change = np.array([[0.0, 0.0, 1.0, -1.0, 1.0]])  # u, from the states and v
     both = scale * change.T @ change
     both[0, 0] += 1
     both[4, 4] += bandwidth**-8

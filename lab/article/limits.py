@@ -14,7 +14,7 @@ from fracgyro.scenario import Scenario
 from fracgyro_lab.comparison.task import sensed
 from fracgyro_lab.comparison.track import Track
 
-POINTS = 16  # of the line
+POINTS = 16  # on the line
 
 
 class Limit(NamedTuple):
@@ -47,7 +47,7 @@ def line(information: str, noise: float, low: float, high: float) -> tuple[np.nd
 
 
 def _total(found: xr.Dataset) -> np.ndarray:
-    """As Track.error measures it."""
+    """The error that Track.error measures."""
     steady, transient = (np.log(found[name].values).mean(axis=-1) for name in ("rmse_steady", "rmse_transient"))
     return np.asarray(np.exp((steady + transient) / 2))
 

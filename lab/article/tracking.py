@@ -23,7 +23,7 @@ UNIT = 1e6  # errors are shown in millionths of q0
 NEAR = 1.5  # times the limit: contenders called near it
 SHOWN = 3.0  # times the limit in some setting: contenders of the last table
 ALWAYS = (PAPER, PUBLISHED, "pid")  # in all tables
-MOST_ROWS = 14  # of a table; the log has all
+MOST_ROWS = 14  # a table has; the log has all
 BEARS = 2.0  # an error that is at most doubled is called borne
 LOST = math.inf
 
@@ -316,7 +316,7 @@ def _contained(rows: list[Row], noisy: Sequence[Setting]) -> Values:
     }
 
 
-# -- What an advantage is made of ----------------------------------------------------------------------------
+# -- Parts of an advantage -----------------------------------------------------------------------------------
 
 
 def _steps(rows: list[Row], noisy: Sequence[Setting]) -> list[Values]:
@@ -392,7 +392,7 @@ def _flattery(rows: list[Row], settings: Sequence[Setting]) -> Values:
     return found
 
 
-# -- What frozen gains bear ----------------------------------------------------------------------------------
+# -- Frozen gains, elsewhere ---------------------------------------------------------------------------------
 
 
 def _factor(row: Row | None, condition: str) -> float | None:
@@ -404,7 +404,7 @@ def _factor(row: Row | None, condition: str) -> float | None:
 
 
 def _delay(rows: list[Row], noisy: Sequence[Setting]) -> Values:
-    """What a hidden delay costs those near the limit, and who has the least error with it."""
+    """The cost of a hidden delay to those near the limit, and who has the least error with it."""
     near = [
         (row, factor)
         for row in rows

@@ -253,7 +253,7 @@ TYPED_TEST(LqgFrom, StartingOverForgetsTheForcesBefore) {
     EXPECT_EQ(TypeParam::steps(state), 2'001U);
 }
 
-// The guard rejects samples that are not finite, and the loop goes on from the next.
+// The guard rejects samples that are not finite, and the loop continues with the next.
 TEST(Lqg, BehindTheGuardSamplesThatAreNotFiniteCostLittle) {
     Case a = Case::in_noise();
     a.common.force_limit = 1000.0;

@@ -663,7 +663,7 @@ def test_a_controller_of_ones_own_takes_part_with_the_same_effort(tmp_path: Path
     result = compare("track", tmp_path / "out", **options, controller=given)
     mine = [row for row in result.rows if row["name"] == "MyController"]
     theirs = [row for row in result.rows if row["name"] == "pid"]
-    # Of equal trials one is counted.
+    # Equal trials count once.
     assert max(row["trials"] for row in mine) == max(row["trials"] for row in theirs) == options["trials"]
     assert any(row["metrics"] for row in mine)
     for row in mine:

@@ -121,7 +121,7 @@ def search(
     """Searches with these seeds, run until they agree, or each lagging one has made `most` trials.
 
     `measure`: values, which are minimized, of points; also gets the number of the search. Agreement counts once every
-    search rests: a start that all share makes equal values at first, which are no result.
+    search rests: a start that all share makes equal values at first, which mean nothing.
     """
     samplers = [Sampler(size, starts, seed) for seed in seeds]
     left = list(range(len(samplers)))

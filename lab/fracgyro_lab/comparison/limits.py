@@ -13,7 +13,7 @@ from fracgyro.scenario import Scenario, ScenarioError
 
 SPAN = 10.0, 4.0  # the line goes from the lowest ceiling over the first to the highest times the second
 POINTS = 12
-NOTHING = 1e-3  # of the steady error: a smaller transient is none
+NOTHING = 1e-3  # share of the steady error: a smaller transient is none
 
 
 @lru_cache(maxsize=64)
@@ -22,7 +22,7 @@ def limit_of(base: Scenario, ceilings: tuple[float, ...], transient: float) -> d
 
     The steady error is the geometric mean of both axes, the error that of the four RMS errors, with the transient; None
     where a run starts on its reference and has no transient.
-    `why`: a sentence, where there is no limit; then both lists are empty.
+    `why`: a sentence if a limit does not exist; then both lists are empty.
     """
     grid = np.geomspace(ceilings[0] / SPAN[0], ceilings[-1] * SPAN[1], POINTS).tolist()
     try:

@@ -17,13 +17,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 Row = dict[str, Any]
-Limit = dict[str, Any]  # of a sensing, as in compare.json
+Limit = dict[str, Any]  # for one sensing, as in compare.json
 Table = tuple[str, Sequence[Row]]  # with its title
 LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of the margins above and below
 MARKERS = "osD^v<>PXph*"
 MARKED = 4  # best contenders of each table, which have a color
 OTHERS = "#b9c2c8"
-MAX_SPAN = 300.0  # ratio of the ends of a front's axis of errors; what is farther from the best is not drawn
+MAX_SPAN = 300.0  # ratio of the ends of a front's axis of errors; points farther from the best are not drawn
 PLANT = "#b8c4cc"
 SAMPLER = "#7a868e"
 MAX_DRAWN_RATIO = 30.0  # largest ratio of the axis: larger ones are drawn here, with their value

@@ -114,7 +114,7 @@ def chattering(row: Row) -> str:
 
 
 def remarks(row: Row) -> str:
-    """What a reader of a table must know of the row."""
+    """Remarks that a reader of a table must know of the row."""
     found = []
     if not row["metrics"]:
         found.append("no trial kept the limits")

@@ -23,7 +23,7 @@ Interval = dict[str, float | None]
 class Tuned:
     """Result of the tuning of a contender in a cell."""
 
-    values: dict[str, Any] | None  # of the search with the least error; None if a run of each trial broke a limit
+    values: dict[str, Any] | None  # from the search with the least error; None if a run of each trial broke a limit
     searched: list[dict[str, Any]] = field(default_factory=list)  # best values of the other searches that have some
     errors: list[float] = field(default_factory=list)  # logarithms by search, on training seeds; infinite: none found
     trials: int = 0
@@ -76,7 +76,7 @@ def _failed(tuned: Tuned) -> bool:
 
 
 def verdict(mine: Mapping[str, Any]) -> str | None:
-    """ "less" or "more" error than the reference's, or "undecided"; None where there is no ratio within the limits.
+    """ "less" or "more" error than the reference's, or "undecided"; None without a ratio within the limits.
 
     It is decided where the interval of the ratio, which covers all pairs of searches, leaves 1 out.
     """

@@ -37,7 +37,7 @@ class Cell:
 
     @property
     def sensing(self) -> tuple[str, str, float]:
-        """What it shares with the cells of other ceilings."""
+        """Its part that cells of other ceilings share."""
         return self.scenario, self.information, self.noise
 
     @property

@@ -24,7 +24,7 @@ DURATION = 20.0  # twice the transient of the paper's run
 FORCE_LIMIT = 1000.0
 LOW, HIGH = 0.0035, 0.05  # chattering: the paper's own without noise, and what an error may be bought with
 NEAR = 0.1  # ceilings that differ by a smaller share are one
-PUBLISHED_SEEDS = 8  # of the runs that measure the chattering of the published gains
+PUBLISHED_SEEDS = 8  # for the runs that measure the chattering of the published gains
 LOOP_BANDWIDTHS = 0.02, 1.1  # range of the field
 OTHER = "dual_mass"  # the second device
 PAPER_DEVICE = Scenario.paper()
@@ -156,7 +156,7 @@ def _transient(base: Scenario) -> float:
 
 
 def sampled(base: Scenario, times: float) -> dict[str, Any]:
-    """Another period of control; disturbance, noise and gains are physically the same. Empty where there is none."""
+    """Another period of control; disturbance, noise and gains are physically the same. Empty without one."""
     run, disturbance = base.run, base.disturbance
     changes: dict[str, Any] = {"run.step": times * run.step}
     white = disturbance.kind == "noise" and disturbance.band is None and disturbance.hold in (None, run.step)

@@ -18,13 +18,13 @@ from .journal import Journal, opened
 from .own import controller_of
 from .task import Cell, Task
 
-MARGIN = 0.99  # of a limit while searching: other seeds have somewhat more
+MARGIN = 0.99  # share of a limit while searching: other seeds have somewhat more
 # Penalty over the logarithm of a constraint over its limit: above what a law gains by breaking it, or the search is
 # repeated with the next. A steep one makes a sharp ridge of the limit, on which CMA-ES shrinks its steps too soon.
 STEEP = (1.0, 6.0)
 BROKEN, LOST = 100.0, 1000.0  # values of a trial without an error, and of one that diverged
 CONFIRMED = 4  # best trials of a search that all training seeds then judge
-ATTEMPTS = 4  # as many again, if none of them keeps the limits
+ATTEMPTS = 4  # times as many, if none of them keeps the limits
 
 
 @dataclass(frozen=True)
