@@ -135,6 +135,7 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "plant.reference_frequency": ({}, 900.0),
     "run.initial_position": ({}, (0.5, -0.5)),
     "run.initial_velocity": ({}, (0.0, 1.0)),
+    "controller.filter": ({"controller.kind": "pid"}, "kalman"),
     "reference.amplitude": ({}, (1.0, 0.8)),
     "reference.frequency": ({}, (3.0, 1.0)),
     "reference.phase": ({}, (0.0, 1.0)),

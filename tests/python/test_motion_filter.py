@@ -206,7 +206,7 @@ def test_fields_of_the_datasheet_come_with_the_filter() -> None:
     with pytest.raises(ScenarioError) as error:
         plain.replace({"datasheet.delay": 1})
     assert str(error.value).startswith("datasheet.delay is 1: it needs controller.kind = ")
-    assert str(error.value).endswith('but controller.kind is "pid"; or controller.filter = kalman')
+    assert str(error.value).endswith('but controller.kind is "pid"; or controller.filter = "kalman"')
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_fields_of_the_datasheet_come_with_the_filter() -> None:
     ],
 )
 def test_a_controller_that_filters_by_itself_refuses_it(changes: dict[str, Any], named: str) -> None:
-    said = f"controller.filter is kalman: for {named}, which filters the measurements itself, it must be none"
+    said = f'controller.filter is "kalman": for {named}, which filters the measurements itself, it must be none'
     with pytest.raises(ScenarioError) as error:
         fg.Scenario.paper().replace(changes | KALMAN)
     assert str(error.value) == said
@@ -229,5 +229,5 @@ def test_a_controller_that_filters_by_itself_refuses_it(changes: dict[str, Any],
 
 
 def test_targets_without_it_say_so(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"^controller\.filter is kalman: it must be none for this target"):
+    with pytest.raises(ValueError, match=r'^controller\.filter is "kalman": it must be none for this target'):
         answers("lanes", PID, "double", np.zeros((3, 4)))

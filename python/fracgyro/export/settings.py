@@ -15,6 +15,7 @@ from ..scenario.device import Device, Rate
 from ..scenario.device_core import is_ideal
 from ..scenario.kinds import DEVICE_NUMBERS, PLANT_KINDS, Channel, Number, numbers
 from ..scenario.schema import Plant
+from ..scenario.table import format_value
 from ..scenario.to_core import core_setup, datasheet, guard
 from .units import scale_and_unit
 
@@ -71,7 +72,8 @@ def observer_bandwidth(scenario: Scenario) -> float:
     """
     if scenario.controller.filter != "none":
         raise ScenarioError(
-            f"controller.filter is {scenario.controller.filter}: it must be none for this target, which has no filter"
+            f"controller.filter is {format_value(scenario.controller.filter)}: it must be none for this target, which "
+            "has no filter"
         )
     return sensing(scenario)[0]
 

@@ -40,7 +40,7 @@ def _check_kind(scenario: Any) -> None:
             path = f"{name}.{field}"
             error = of_other_kinds(path, getattr(table, field), kinds_with(path), kind)
             if name == "datasheet" and field in OF_FILTER:
-                raise message_error(f"{error.message()}; or controller.filter = kalman")
+                raise message_error(f'{error.message()}; or controller.filter = "kalman"')
             raise error
 
 
@@ -54,7 +54,8 @@ def _check_filter(scenario: Any) -> None:
     if c.filter != "none" and not takes[place]:
         of = f"adaptation.kind {scenario.adaptation.kind}" if any(takes) else f"controller.kind {c.kind}"
         raise message_error(
-            f"controller.filter is {c.filter}: for {of}, which filters the measurements itself, it must be none"
+            f"controller.filter is {format_value(c.filter)}: for {of}, which filters the measurements itself, it must "
+            "be none"
         )
 
 
