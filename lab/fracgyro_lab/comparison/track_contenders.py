@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from fracgyro.scenario.kinds import kinds_with
+
 from .contender import Contained, Contender, Gain
 
 PAPER = "paper"  # the reference of all ratios
@@ -70,8 +72,10 @@ BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
-def kind(name: str, **adaptation: str) -> dict[str, Any]:
-    return {"controller.kind": name, **{f"adaptation.{field}": value for field, value in adaptation.items()}}
+def kind(name: str, adaptation: str = "gradient") -> dict[str, Any]:
+    """The kind of controller and, if it has a choice, of adaptation, whatever the scenario has."""
+    chosen = {"adaptation.kind": adaptation} if name in kinds_with("adaptation.kind") else {}
+    return {"controller.kind": name, **chosen}
 
 
 # Gains of the nonsingular surfaces, whose second exponent is the first of e.
@@ -148,7 +152,7 @@ CONTENDERS = (
         "paper_least_squares",
         "the paper's with least squares",
         f"{ORIGINAL}; docs/decisions/0016",
-        kind("fractional_fast_terminal", kind="composite") | STABLE,
+        kind("fractional_fast_terminal", adaptation="composite") | STABLE,
         (*SURFACE, LAWS),
         group=PAPER,
         observer=OBSERVER,
@@ -158,7 +162,7 @@ CONTENDERS = (
         "paper_joint",
         "the paper's with the joint Kalman filter",
         f"{ORIGINAL}; docs/decisions/0024",
-        kind("fractional_fast_terminal", kind="joint") | STABLE,
+        kind("fractional_fast_terminal", adaptation="joint") | STABLE,
         SURFACE,
         group=PAPER,
     ),
@@ -190,7 +194,7 @@ CONTENDERS = (
         "linear_least_squares",
         "linear sliding mode with least squares",
         f"{BATUR}; docs/decisions/0016",
-        kind("linear", kind="composite") | STABLE | CONSTANT_BOUND,
+        kind("linear", adaptation="composite") | STABLE | CONSTANT_BOUND,
         (LINEAR_GAIN, LAYER, RHO, LAWS),
         observer=OBSERVER,
     ),
