@@ -9,6 +9,12 @@ import numpy as np
 from reference_oracle import motion
 
 
+def held_points(scenario: fg.Scenario) -> np.ndarray:
+    """The reference at the held point of every step."""
+    h = scenario.run.step
+    return motion(scenario, h * np.arange(scenario.run.steps + 1), h)
+
+
 class Resonant:
     """The law in a fixed frame: a and b multiply cos wt and sin wt, which the core never computes."""
 
@@ -17,6 +23,7 @@ class Resonant:
 
     def reset(self, scenario: fg.Scenario) -> None:
         self.scenario, c, h = scenario, scenario.controller, scenario.run.step
+        self.held = held_points(scenario)
         self.square, self.damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
         self.integral_step = h * c.integral_frequency * self.square
         damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
@@ -42,7 +49,7 @@ class Resonant:
     def __call__(self, s: fg.Sample) -> np.ndarray:
         r, v = np.array(s.reference), np.array(s.reference_velocity)
         e, de = np.array(s.position) - r, np.array(s.velocity) - v
-        position, velocity, acceleration = motion(self.scenario, np.array([s.time]), self.scenario.run.step)[:, 0]
+        position, velocity, acceleration = self.held[:, round(s.time / self.scenario.run.step)]
         cosine, sine = np.cos(self.w * s.time)[:, None], np.sin(self.w * s.time)[:, None]
         force = (self.damping + self.coriolis) @ velocity + self.stiffness @ position + acceleration
         force = force - self.square * e - self.damper * de - self.integral - (self.a * cosine + self.b * sine).sum(0)
@@ -60,7 +67,8 @@ class IntegralSliding:
     """The observer as zeta' = -L (d + u - f0), d = zeta + l v, with the exact gains of a held force."""
 
     def reset(self, scenario: fg.Scenario) -> None:
-        self.scenario, self.c, self.h = scenario, scenario.controller, scenario.run.step
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held = held_points(scenario)
         damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
         ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
         self.damping = ratio * (np.array([damping[:2], damping[1:]]) + 2 * rate * cross)
@@ -75,7 +83,7 @@ class IntegralSliding:
         if self.zeta is None:
             self.zeta = -self.share / h * de
         d = self.zeta + self.share / h * de
-        position, velocity, acceleration = motion(self.scenario, np.array([s.time]), h)[:, 0]
+        position, velocity, acceleration = self.held[:, round(s.time / h)]
         keeps = self.damping @ (velocity + de) + self.stiffness @ (position + e) + acceleration
         surface = de + c.surface_gain * e
         wanted = keeps - c.surface_gain * de - c.reaching_rate * surface - self.integral - d
@@ -84,4 +92,28 @@ class IntegralSliding:
         if (wanted - force) @ surface >= 0:
             self.integral = self.integral + h * c.integral_rate * c.reaching_rate * surface
         self.zeta = self.zeta - self.share * (d + force - keeps)
+        return np.asarray(force)
+
+
+class Pid:
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held = held_points(scenario)
+        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
+        self.damping = ratio * (np.array([damping[:2], damping[1:]]) + 2 * rate * cross)
+        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
+        self.integral = np.zeros(2)
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c = self.c
+        position, velocity, acceleration = self.held[:, round(s.time / self.h)]
+        e = np.array(s.position) - np.array(s.reference)
+        de = np.array(s.velocity) - np.array(s.reference_velocity)
+        along = self.damping @ velocity + self.stiffness @ position + acceleration
+        square, damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
+        wanted = along - square * e - damper * de - self.integral
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        if (wanted - force) @ e >= 0:
+            self.integral = self.integral + self.h * c.integral_frequency * square * e
         return np.asarray(force)
