@@ -1,0 +1,60 @@
+"""The report of an identification: one self-contained HTML file, figures first."""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..analysis.html import page
+from . import plots
+from .quantity import Quantity
+from .stage import Fitted
+from .sweep import SweepFit
+
+if TYPE_CHECKING:
+    from .found import Found
+
+MAX_FIGURES = 6  # spectra; further records are only in the numbers
+
+
+def write_report(path: Path, found: Found) -> None:
+    """Writes the report of `found` to `path`."""
+    first = found.conditions[0]
+    timed = [fit for _, fit in first.fits if isinstance(fit, Fitted)]
+    swept = [fit for _, fit in first.fits if isinstance(fit, SweepFit)]
+    spectra = [figure for fit in timed for figure in plots.spectra_figures(fit)]
+    decays = [plots.decay_figure(fit) for fit in timed if fit.shape.drives == 0]
+    text = page(
+        "fracgyro.identification",
+        "report.html.jinja",
+        version=version("fracgyro"),
+        files=found.files,
+        notes=found.notes,
+        failed=[each for each in found.tests if each.verdict == "fail"],
+        tests=found.tests,
+        spectra=spectra[:MAX_FIGURES],
+        decays=decays[:1],
+        circles=[(plots.circle_figure(fit), plots.response_figure(fit), fit.response.name) for fit in swept],
+        whiteness=plots.whiteness_figure([fit for _, fit in first.fits]),
+        profile=plots.profile_figure(first.device) if first.device else None,
+        axes=plots.axes_figure(first.device) if first.device else None,
+        trends=[(each, plots.trend_figure(each)) for each in found.trends],
+        rows=[row_of(each) for each in found.values()],
+        scenario=found.to_toml(),
+    )
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def row_of(quantity: Quantity) -> dict[str, str]:
+    """A quantity as texts: name, meaning, value, interval, unit, scale and note."""
+    kind = "relative" if quantity.relative else "absolute"
+    row = {"name": quantity.name, "meaning": quantity.meaning, "unit": quantity.unit, "note": quantity.note}
+    if not quantity.determined:
+        return row | {"value": "not determined", "interval": "", "kind": kind}
+    half = quantity.half
+    digits = 4 if not half > 0 or quantity.value == 0 else math.ceil(math.log10(max(abs(quantity.value) / half, 1))) + 2
+    digits = min(digits, 15)
+    low, high = (f"{each:.{digits}g}" for each in quantity.interval)
+    return row | {"value": f"{quantity.value:.{digits}g}", "interval": f"{low} to {high}", "kind": kind}
