@@ -9,10 +9,10 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from bench_records import DISC, DUAL_MASS, IN_AIR, PAPER, RATE, Device
+from fracgyro.identification.first_stage import Fitted, fit_segments
 from fracgyro.identification.model import Shape, poles, sampled
 from fracgyro.identification.records import of_arrays
 from fracgyro.identification.spectra import Spectrum
-from fracgyro.identification.stage import Fitted, fit_segments
 from scipy.linalg import expm
 
 NAMES = {"dual mass": DUAL_MASS, "disc": DISC, "paper": PAPER, "in air": IN_AIR}
@@ -131,6 +131,35 @@ def test_the_errors_of_eight_records_follow_their_intervals(name: str, noise: fl
         squares += float(error @ np.linalg.solve(covariance, error))
     # chi^2 with 64 degrees of freedom: 0.1 % and 99.9 %.
     assert 33.0 < squares < 105.0
+
+
+def test_the_errors_of_forced_records_follow_their_intervals() -> None:
+    """A held multisine in both drives, with feedthrough; simulated sample by sample."""
+    device, samples, size = DUAL_MASS, 4096, 2 * np.pi / 8.0
+    drive, through = 1e-2 * np.array([[1.0, 0.0], [0.0, 0.9]]), np.array([[0.02, 0.005], [0.003, 0.03]])
+    drive = np.array([[1.0, 0.0], [0.0, device.ratio]]) @ drive
+    matrix = np.zeros((6, 6))
+    matrix[:2, 2:4], matrix[2:4, :2], matrix[2:4, 2:4] = np.eye(2), -device.seen[0], -device.seen[1]
+    matrix[2:4, 4:] = drive
+    step = expm(size * matrix)
+    expected = np.concatenate([device.parameters, drive.ravel()])
+    squares = 0.0
+    for seed in range(4):
+        generator = np.random.default_rng(seed)
+        force = generator.normal(size=(2, samples))
+        state, motion = np.zeros(4), np.empty((2, samples))
+        for i in range(samples):
+            motion[:, i] = state[:2]
+            state = step[:4, :4] @ state + step[:4, 4:] @ force[:, i]
+        motion += through @ force + 1e-3 * np.abs(motion).max() * generator.normal(size=motion.shape)
+        record = fg.identify.Record(*motion, interval=device.interval(8.0), force=force)
+        fitted = fit_segments([of_arrays(record)], device.omega)
+        error = fitted.fit.parameters - expected
+        squares += float(error @ np.linalg.solve(fitted.fit.covariance, error))
+    assert 22.0 < squares < 84.0  # chi^2 with 48 degrees of freedom: 0.1 % and 99.9 %
+    found = fg.identify(record)
+    assert abs(found["b2"].value / found["b1"].value - 0.9) < 0.01
+    assert abs(found["beta"].value) < 3 * found["beta"].half
 
 
 # -- Intervals ---------------------------------------------------------------------------------------------------------

@@ -61,7 +61,7 @@ def tests(fit: Fit, spectra: Sequence[Spectrum], segments: Sequence[Segment]) ->
         for i, axis in enumerate(segment.axes):
             where = f"{axis} of {segment.name}"
             step = segment.step[i] if segment.step else 0.0
-            if step and noise[i] < 0.6 * step:
+            if step and noise[i] < step:
                 words = f"{where}: a converter of step {step:.3g} leaves rounding, which is not white"
                 found.append(Test("whiteness", "skipped", words))
                 continue

@@ -1,7 +1,8 @@
 """Entry point of `fracgyro identify`: from records of a bench to a device.
 
-files -> columns (reading.py) -> segments without faults (faults.py) -> K, C, B as the pick-offs see them, by maximum
-likelihood (stage.py, sweep.py) -> the device (device.py) -> device.toml, identify.json, report.html (found.py)
+files -> columns (reading.py) -> segments without faults (faults.py)
+      -> K, C, B as the pick-offs see them, by maximum likelihood (first_stage.py, sweep.py)
+      -> the device (second_stage.py) -> device.toml, identify.json, report.html (found.py)
 """
 
 from __future__ import annotations
@@ -10,14 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..arguments import number, short
-from .device import Known, fit_device
+from ..extras import needs
 from .diagnostics import Test, tests
 from .faults import check_motion, prepared
+from .first_stage import Fitted, fit_segments
 from .found import Condition, Found
 from .quantity import NORMAL, Quantity, modal
-from .reading import read
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
-from .stage import Fitted, fit_segments
+from .second_stage import Known, fit_device
 from .structure import Group
 from .sweep import SweepFit, fit_sweep, sweep_tests
 from .trends import Trend, line
@@ -111,7 +112,11 @@ def _known(
 
 
 def _read(each: Record | Decay | Sweep) -> tuple[list[Segment] | Response, list[str]]:
-    return ([of_arrays(each)], []) if isinstance(each, Record) else read(each)
+    if isinstance(each, Record):
+        return [of_arrays(each)], []
+    with needs("identify"):
+        from .reading import read
+    return read(each)
 
 
 def _identified(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,6 +18,9 @@ Array = NDArray[np.float64]
 LOOKED_AT = 200_000  # samples of which the converter's step is determined
 FEW_LEVELS = 0.2  # levels over samples: below it a converter is visible
 BLOCKS = 200  # of the envelope
+MIN_CLIPPED = 3  # samples
+NEAR = 12  # blocks on each side of a step in the slope of the envelope
+SHARP = 6.0  # times the scatter of the envelope: a smaller step is not one
 FOLDED = 0.48  # of the sampling rate: a line above may be an alias
 COARSE_STEPS, COARSE_NOISE = 500.0, 0.3  # amplitude and noise in steps, below which rounding is not white
 
@@ -68,19 +72,8 @@ def _after_clipping(segment: Segment, steps: tuple[float, ...]) -> tuple[Segment
     """The record after the last clipped sample, and a note."""
     last, notes = 0, []
     for axis, row, step in zip(segment.axes, segment.motion, steps, strict=True):
-        cycles = _line(row)
-        amplitude = float(np.abs(row - row.mean()).max())
-        # A sine stays within a step of its crest this long; two steps of margin.
-        crest = np.arccos(1 - min(2 * step / amplitude, 2.0)) / np.pi / cycles if step else 0.0
-        longest = 2 + int(np.ceil(1.5 * crest))
-        clipped = np.zeros(len(row), dtype=bool)
-        for extreme in (row.max(), row.min()):
-            at = np.concatenate([[False], row == extreme, [False]])
-            edges = np.flatnonzero(at[1:] != at[:-1])
-            for begin, end in zip(edges[::2], edges[1::2], strict=True):
-                if end - begin > longest:
-                    clipped[begin:end] = True
-        if np.count_nonzero(clipped) > longest + 1:
+        clipped = _clipped(row, step)
+        if np.count_nonzero(clipped) > MIN_CLIPPED:
             end = int(np.flatnonzero(clipped)[-1]) + 1
             level = float(np.abs(row[clipped]).max())
             until = segment.begin + end * segment.interval
@@ -92,6 +85,27 @@ def _after_clipping(segment: Segment, steps: tuple[float, ...]) -> tuple[Segment
     if segment.motion.shape[1] - last < 64 and last:
         raise ValueError(f"{segment.name}: {notes[0].partition(':')[0]}, the end of the record: use a larger range")
     return (part(segment, last), notes) if last else (segment, notes)
+
+
+def _clipped(row: Array, step: float) -> NDArray[np.bool_]:
+    """Samples at the largest or smallest value, if they are more than a motion that is not clipped has there.
+
+    Values without steps are equal only by clipping. With a converter, a sine stays within a step of its crest for a
+    while: only longer runs count.
+    """
+    longest = 0
+    if step:
+        amplitude = float(np.abs(row - row.mean()).max())
+        crest = np.arccos(1 - min(2 * step / amplitude, 2.0)) / np.pi / _line(row)
+        longest = 2 + int(np.ceil(1.5 * crest))
+    clipped = np.zeros(len(row), dtype=bool)
+    for extreme in (row.max(), row.min()):
+        at = np.concatenate([[False], row == extreme, [False]])
+        edges = np.flatnonzero(at[1:] != at[:-1])
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            if end - begin > longest:
+                clipped[begin:end] = True
+    return clipped
 
 
 def _line(row: Array) -> float:
@@ -127,18 +141,17 @@ def _after_drive(segment: Segment) -> tuple[Segment, list[str]]:
 def _knee(envelope: Array) -> int | None:
     """The block at which a constant or growing envelope begins to decay, or None."""
     blocks = np.arange(len(envelope), dtype=float)
-    whole = _line_fit(blocks, envelope)
     best: tuple[float, int] | None = None
-    for k in range(4, len(envelope) - 8):
-        rest = _line_fit(blocks[:k], envelope[:k])[1] + _line_fit(blocks[k:], envelope[k:])[1]
-        if best is None or rest < best[0]:
-            best = rest, k
-    if best is None or best[0] > 0.05 * whole[1]:
-        return None
-    k = best[1]
-    before, after = _line_fit(blocks[:k], envelope[:k])[0], _line_fit(blocks[k:], envelope[k:])[0]
-    fallen = envelope[k] - envelope[-1]
-    return k if before > 0.2 * after and after < 0 and fallen > 0.2 else None
+    for k in range(4, len(envelope) - NEAR):
+        before = _line_fit(blocks[max(k - NEAR, 0) : k], envelope[max(k - NEAR, 0) : k])
+        after = _line_fit(blocks[k : k + NEAR], envelope[k : k + NEAR])
+        scatter = math.sqrt((before[1] + after[1]) / (2 * NEAR - 4))
+        whole = _line_fit(blocks[:k], envelope[:k])[0]
+        falls = after[0] < 0 and min(before[0], whole) > 0.2 * after[0]
+        turn = before[0] - after[0]
+        if falls and turn * NEAR > max(SHARP * scatter, 0.02) and (best is None or turn > best[0]):
+            best = turn, k
+    return None if best is None else best[1]
 
 
 def _line_fit(x: Array, y: Array) -> tuple[float, float]:

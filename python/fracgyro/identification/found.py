@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ..files import whole_file, whole_folder
 from ..scenario import Scenario
 from ..scenario.schema import Plant
-from .device import Device, Known
 from .diagnostics import Test
+from .first_stage import Fitted
 from .quantity import Quantity
 from .records import State
-from .stage import Fitted
+from .second_stage import Device, Known
 from .sweep import SweepFit
 from .trends import Trend
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ..analysis.html import embedded
 from ..analysis.style import COLORS, MM, WIDTH, own_style
-from .device import Device
 from .diagnostics import LAGS, correlation
+from .first_stage import Fitted
 from .model import sampled
 from .profile import LEVEL
-from .stage import Fitted
+from .second_stage import Device
 from .sweep import SweepFit
 from .trends import Trend
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from ..analysis.html import page
 from . import plots
+from .first_stage import Fitted
 from .quantity import Quantity
-from .stage import Fitted
 from .sweep import SweepFit
 
 if TYPE_CHECKING:

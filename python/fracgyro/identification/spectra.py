@@ -54,10 +54,12 @@ def spectrum(motion: Array, force: Array | None, interval: float) -> Spectrum:
 
 @dataclass(frozen=True)
 class Search:
-    """Power of each bin of a channel over the median, and the frequencies of the bins, in cycles a sample."""
+    """Power of each bin of a channel over the median, and the frequencies of the bins, in cycles a sample;
+    `samples`: of the beginning that was transformed."""
 
     power: Array
     cycles: Array
+    samples: int
 
     @property
     def peak(self) -> int:
@@ -77,13 +79,18 @@ def visible(row: Array) -> Search:
             window = 0.5 + 0.5 * np.cos(np.pi * (np.arange(samples) + 0.5) / samples)
         power = np.abs(fft.rfft(window * (part - part.mean()))[2:]) ** 2
         median = max(float(np.median(power)), float(np.finfo(float).tiny))
-        found.append(Search(power / median, np.arange(2, len(power) + 2) / samples))
+        found.append(Search(power / median, np.arange(2, len(power) + 2) / samples, samples))
     # A shorter beginning must be much clearer: its lines are wider.
     best = found[0]
     for each in found[1:]:
         if each.power.max() > 4 * best.power.max():
             best = each
     return best
+
+
+def clearest(motion: Array) -> int:
+    """Samples of the longest of the beginnings in which the channels are the clearest."""
+    return max(visible(row).samples for row in motion)
 
 
 def first_band(motion: Array, interval: float) -> tuple[float, float, float]:

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 STEPS = 30
 SMALL_STEP = 1e-6  # in standard deviations
+MAX_RATIO_STEP, MAX_LOG_RATIO = 1.0, 16.0  # of the logarithm of the pick-off ratio
 COMPLEX_STEP = 1e-30
 EXACT = 1e-12  # deviation of a value that is assumed exactly, in units of omega0
 SINGULAR = 1e-14  # smallest eigenvalue of a correlation matrix
@@ -47,13 +48,15 @@ class Group:
 class Structure:
     """The problem of the second stage: groups, the unit of time (omega0, rad/s) and what is assumed.
 
-    `priors`: by name of a parameter, its value and deviation, in units of omega0; `skew`: s is unknown.
+    `priors`: by name of a parameter, its value and deviation, in units of omega0; `skew`: s is unknown;
+    `skewed_drives`: the second drive is not at a right angle to the first.
     """
 
     groups: Sequence[Group]
     unit: float
     skew: bool = False
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    skewed_drives: bool = False
 
     @cached_property
     def known(self) -> list[float]:
@@ -66,6 +69,8 @@ class Structure:
         rates = ["rate"] if any(each.rate is None for each in self.groups) else []
         offset = ["rate_offset"] if len(self.known) > 1 else []
         drives = {0: [], 1: ["b1", "beta"], 2: ["b1", "b2", "beta"]}[max(each.drives for each in self.groups)]
+        if "b2" in drives and self.skewed_drives:
+            drives.append("drive_skew")
         skew = ["skew"] if self.skew else []
         return ["kxx", "kxy", "kyy", "dxx", "dxy", "dyy", *rates, *offset, "log_ratio", *skew, *drives]
 
@@ -87,7 +92,8 @@ class Structure:
                 turn = np.cos(value["beta"]), np.sin(value["beta"])
                 columns = [(value["b1"] * turn[0], value["b1"] * turn[1])]
                 if each.drives == 2:
-                    columns.append((-value["b2"] * turn[1], value["b2"] * turn[0]))
+                    second = value["beta"] + value.get("drive_skew", 0.0)
+                    columns.append((-value["b2"] * np.sin(second), value["b2"] * np.cos(second)))
                 found += [x for x, _ in columns]
                 found += [skew * x + ratio * y for x, y in columns]
         return np.stack(found)
@@ -165,6 +171,7 @@ def _root(covariance: Array) -> Array:
 def solve(problem: Structure, start: Array, fixed: Sequence[int] = ()) -> Solution:
     """Least squares from this start, with some parameters held."""
     free = np.array([i for i in range(len(start)) if i not in fixed])
+    at = problem.names.index("log_ratio")
     values = start.copy()
     rest = np.real(problem.residuals(values))
     squares = float(rest @ rest)
@@ -173,9 +180,13 @@ def solve(problem: Structure, start: Array, fixed: Sequence[int] = ()) -> Soluti
         norms = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
         step = -np.linalg.lstsq(jacobian / norms, rest, rcond=1e-13)[0]
         size = float(np.linalg.norm(jacobian / norms @ step))
+        if at in free:  # a far ratio is reached in several steps
+            far = abs(float((step / norms)[list(free).index(at)]))
+            step = step / max(far / MAX_RATIO_STEP, 1.0)
         for _ in range(20):
             moved = values.copy()
             moved[free] += step / norms
+            moved[at] = min(max(moved[at], -MAX_LOG_RATIO), MAX_LOG_RATIO)
             trial = np.real(problem.residuals(moved))
             if float(trial @ trial) <= squares or size < SMALL_STEP:
                 break

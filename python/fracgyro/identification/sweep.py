@@ -15,7 +15,7 @@ from .sweep_model import DELAY, SweepModel, searched, starts
 
 Array = NDArray[np.float64]
 
-POLISH = 8  # steps before the starts are compared
+POLISH = 5  # steps before the starts are compared
 MAX_STEPS = 60
 WEIGHTINGS = 3
 MAX_CORRELATED = 60  # points

@@ -11,6 +11,7 @@ finite differences of a mode with a quality factor of 10^6 have no correct digit
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +23,9 @@ from .start import stable, stacked
 Array = NDArray[np.float64]
 
 PASSES = 12
-SMALL_STEP = 1e-8
-PHASES = 8  # first values of the instrument's phase
+SMALL_STEP = 1e-4  # length of a step, in standard deviations, that is not taken
+SINGULAR = 1e-14  # eigenvalues of the normal equations below this are rounding
+PHASES = 4  # first values of the instrument's phase
 # A narrow sweep hardly shows the slopes of delay and feedthrough, and drifts of the instrument resemble them. So they
 # have a deviation before any record, as physics has it: a delay of some periods, a feedthrough such as jw Cp.
 DELAY = 10.0  # 1/omega0
@@ -149,24 +151,26 @@ def searched(problem: SweepModel, start: Array, steps: int) -> tuple[Array, floa
     squares = float(rest @ rest)
     for _ in range(steps):
         norms = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
-        basis, values, turned = np.linalg.svd(jacobian / norms, full_matrices=False)
+        normal = (jacobian / norms).T @ (jacobian / norms)
+        squared, turned = np.linalg.eigh(normal)
+        along = turned.T @ ((jacobian / norms).T @ rest)
         improved = False
         while damping < 1e8:
-            filtered = np.where(values > 1e-13 * values[0], values / (values**2 + damping), 0.0)
-            scaled = -(turned.T @ (filtered * (basis.T @ rest)))
+            kept = squared > SINGULAR * squared[-1]
+            scaled = -(turned @ np.where(kept, along / np.where(kept, squared + damping, 1.0), 0.0))
+            size = math.sqrt(max(float(scaled @ normal @ scaled), 0.0))
+            if size < SMALL_STEP:
+                break
             candidate = best + scaled / norms
             candidate[:-2] = stable(Shape(problem.shape.axes), candidate[:-2])
             trial = problem.evaluate(candidate)
             found = float(trial[0] @ trial[0])
-            size = float(np.linalg.norm(values * (turned @ scaled)))
-            if found < squares or size < SMALL_STEP:
-                improved = found < squares
+            if found < squares:
+                improved = True
                 break
             damping = max(10 * damping, 1e-4)
         if not improved:
             break
         best, squares, rest, jacobian = candidate, found, trial[0], trial[1]
         damping = damping / 30 if damping > 1e-6 else 0.0
-        if size < SMALL_STEP:
-            break
     return best, squares

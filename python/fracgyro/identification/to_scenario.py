@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from ..rate.units import thermal_force_density
 from ..scenario import Scenario
 from ..scenario.printing import END
+from .first_stage import Fitted
 from .quantity import Quantity
-from .stage import Fitted
 
 if TYPE_CHECKING:
     from .found import Found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +56,14 @@ def fit_device(groups: Sequence[Group], unit: float, known: Known) -> Device:
             problem = free
     if not problem.skew:
         notes.append("the pick-offs are assumed at right angles: a known rate shows their skew")
-    solution = best(problem)
-    freedom = sum(len(each.parameters) for each in groups) + len(priors) - len(problem.names)
+    solution, freedom = best(problem), _freedom(problem)
+    if max(each.drives for each in groups) == 2:
+        skewed = replace(problem, skewed_drives=True)
+        if freedom > 0 and chdtrc(freedom, solution.squares) < REJECTED:
+            problem, solution, freedom = skewed, best(skewed), _freedom(skewed)
+            notes.append("the drives are not at right angles: they do not show the pick-off ratio")
+        else:
+            notes.append("the drives are assumed at right angles")
     found, widen = [], 1.0
     if freedom > 0:
         p = float(chdtrc(freedom, solution.squares))
@@ -80,6 +86,11 @@ def fit_device(groups: Sequence[Group], unit: float, known: Known) -> Device:
     elif shown is not solution:
         shown = solve(problem, shown.parameters)
     return Device(named, problem, shown, profile, tuple(found), tuple(notes))
+
+
+def _freedom(problem: Structure) -> int:
+    """Degrees of freedom of the sum of squares."""
+    return sum(len(each.parameters) for each in problem.groups) + len(problem.priors) - len(problem.names)
 
 
 def _priors(groups: Sequence[Group], unit: float, known: Known) -> dict[str, tuple[float, float]]:

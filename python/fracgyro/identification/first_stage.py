@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
 from .records import Segment, part
-from .spectra import Spectrum, band, first_band, spectrum
+from .spectra import Spectrum, band, clearest, first_band, spectrum
 from .start import linear_start
 
 Array = NDArray[np.float64]
@@ -22,6 +22,7 @@ FRACTIONS = (1.0, 0.25, 1 / 16)  # beginnings of each record from which a start 
 POLISH = 6  # steps before the starts are compared
 MIN_START_BINS = 10
 BANDS = 4  # fits, each in the band around the modes of the one before
+ROUGH = 4.0  # times the beginning in which the slowest mode is the clearest
 LONGEST = 14.0  # times the longest time constant: later samples have only noise
 
 
@@ -74,16 +75,17 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     bands = [first_band(each.motion, each.interval) for each in segments]
     unit = unit or bands[0][2]
     low, high = min(each[0] for each in bands), max(each[1] for each in bands)
-    whole = [_spectrum(each) for each in segments]
+    # Until the decay is known, a record that is much longer than it is cut roughly.
+    rough = [_shortened(each, ROUGH * clearest(each.motion) * each.interval) for each in segments]
+    whole = [_spectrum(each) for each in rough]
     noise = np.stack([_first_noise(each) for each in whole])
-    parameters = _start(shape, segments, whole, unit, (low, high), noise)
+    parameters = _start(shape, rough, whole, unit, (low, high), noise)
     for _ in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
         slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
-        shorter = [_shortened(each, slowest) for each in segments]
-        if any(a is not b for a, b in zip(shorter, segments, strict=True)):
-            segments, whole = shorter, [_spectrum(each) for each in shorter]
+        segments = [_shortened(each, slowest) for each in segments]
+        whole = [_spectrum(each) for each in segments]
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]
@@ -102,11 +104,9 @@ def _spectrum(segment: Segment) -> Spectrum:
 
 def _shortened(segment: Segment, longest: float) -> Segment:
     samples = math.ceil(longest / segment.interval)
-    return (
-        segment
-        if segment.force is not None or samples > 0.9 * segment.motion.shape[1]
-        else part(segment, 0, max(samples, 256))
-    )
+    if segment.force is not None or samples > 0.9 * segment.motion.shape[1]:
+        return segment
+    return part(segment, 0, max(samples, 256))
 
 
 def _wide_enough(one: Spectrum, low: float, high: float) -> Spectrum:
