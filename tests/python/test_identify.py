@@ -36,7 +36,7 @@ def in_units(fitted: Fitted, omega: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_numbers_seen_by_the_pick_offs_of_the_dual_mass() -> None:
-    """As computed by another program: docs/decisions/0052-identification.md."""
+    """Computed by another program: docs/decisions/0052-identification.md."""
     stiffness, damping = replace(DUAL_MASS, turn=-0.02).seen
     expected = [1.0000108740, 5.3824664864e-4, 5.4906540627e-4, 1.0271778315]
     np.testing.assert_allclose(stiffness.ravel(), expected, rtol=2e-3, atol=1e-6)
@@ -135,7 +135,7 @@ def test_the_errors_of_eight_records_follow_their_intervals(name: str, noise: fl
 
 def test_the_errors_of_forced_records_follow_their_intervals() -> None:
     """A held multisine in both drives, with feedthrough; simulated sample by sample."""
-    device, samples, size = DUAL_MASS, 4096, 2 * np.pi / 8.0
+    device, samples, size = DUAL_MASS, 12_288, 2 * np.pi / 8.0
     drive, through = 1e-2 * np.array([[1.0, 0.0], [0.0, 0.9]]), np.array([[0.02, 0.005], [0.003, 0.03]])
     drive = np.array([[1.0, 0.0], [0.0, device.ratio]]) @ drive
     matrix = np.zeros((6, 6))

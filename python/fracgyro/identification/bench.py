@@ -1,4 +1,4 @@
-"""A bench day as TOML: the records with the states of the device, and what is known of it."""
+"""A bench day as TOML: the records with the states of the device, and the known numbers of it."""
 
 from __future__ import annotations
 

@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 
 LOOKED_AT = 200_000  # samples of which the converter's step is determined
 FEW_LEVELS = 0.2  # levels over samples: below it a converter is visible
-BLOCKS = 200  # of the envelope
+BLOCKS = 200  # blocks in the envelope
 MIN_CLIPPED = 3  # samples
 NEAR = 12  # blocks on each side of a step in the slope of the envelope
 SHARP = 6.0  # times the scatter of the envelope: a smaller step is not one
-FOLDED = 0.48  # of the sampling rate: a line above may be an alias
+FOLDED = 0.48  # times the sampling rate: a line above may be an alias
 COARSE_STEPS, COARSE_NOISE = 500.0, 0.3  # amplitude and noise in steps, below which rounding is not white
 
 
@@ -155,7 +155,7 @@ def _knee(envelope: Array) -> int | None:
 
 
 def _line_fit(x: Array, y: Array) -> tuple[float, float]:
-    """Slope and the sum of squares of what is left."""
+    """Slope and the sum of squares of the residual."""
     level, about = x - x.mean(), y - y.mean()
     slope = float(level @ about / (level @ level))
     rest = about - slope * level

@@ -24,7 +24,7 @@ SMALL_STEP = 1e-4  # length of a step, in standard deviations, that is not taken
 SAME_NOISE = 1e-3  # relative change of the noise that needs no further fit
 SINGULAR = 1e-14  # eigenvalues of the normal equations below this are rounding
 SMALL_GAIN = 1e-13  # relative decrease of the sum of squares that is rounding
-ROUNDING = 1e-12  # of the amplitude
+ROUNDING = 1e-12  # times the amplitude
 WEIGHTINGS = 4  # fits, each with the noise that the one before has found
 
 
@@ -98,7 +98,7 @@ def _feedthrough(one: Spectrum, unit: float, deviations: Array) -> Complex:
     return found
 
 
-Evaluation = tuple[Array, Array, list[Complex], list[Array]]  # of `linearized`
+Evaluation = tuple[Array, Array, list[Complex], list[Array]]  # result of `linearized`
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ from .trends import Trend
 
 Array = NDArray[np.float64]
 
-MAX_POINTS = 1500  # of a curve
-BLOCKS = 240  # of an envelope
-SHOWN_DELTA = 12.0  # of the profile's excess
+MAX_POINTS = 1500  # points of a curve
+BLOCKS = 240  # blocks of an envelope
+SHOWN_DELTA = 12.0  # largest excess of the profile that is drawn
 GREY = "0.6"
 
 

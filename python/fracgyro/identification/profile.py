@@ -1,4 +1,4 @@
-"""Intervals of the second stage by the profile of the likelihood over the pick-off ratio, and what is determined.
+"""Intervals of the second stage by the profile of the likelihood over the pick-off ratio, and undetermined numbers.
 
 Given the pick-off ratio all else is nearly linear. So the ratio is scanned; a value belongs to the 95 % interval if
 some ratio has it within chi^2 <= min + 3.84. D must not be negative: |dxy| <= sqrt(dxx dyy), which bounds the ratio.

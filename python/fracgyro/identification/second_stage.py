@@ -18,7 +18,7 @@ from .structure import Group, Solution, Structure, best, solve
 Array = NDArray[np.float64]
 
 MAX_SKEW = 0.05  # deviation: a skew that is known worse is assumed to be zero
-SMALL_SINGULAR = 1e-6  # of the scaled Jacobian: a weaker direction is not determined
+SMALL_SINGULAR = 1e-6  # singular value of the scaled Jacobian: a weaker direction is not determined
 REMEDY = "turn the device at a known rate, or give pickoff_ratio"
 
 

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 LINEWIDTHS = 20.0  # half width of the band around the modes; 20 cost less than 1 % of the bound
 MIN_BINS = 12
-LOWEST = 0.02  # of the lowest mode: below it is the offset
+LOWEST = 0.02  # times the lowest mode: below it is the offset
 VISIBLE = 30.0  # power over the median of all bins that counts as a mode in the first search
 NEAR_PEAK = 1e-5  # power over that of the largest bin
 BEGINNINGS = (1.0, 1 / 4, 1 / 16, 1 / 64)

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 STEPS = 30
 SMALL_STEP = 1e-6  # in standard deviations
-MAX_RATIO_STEP, MAX_LOG_RATIO = 1.0, 16.0  # of the logarithm of the pick-off ratio
+MAX_RATIO_STEP, MAX_LOG_RATIO = 1.0, 16.0  # limits of the logarithm of the pick-off ratio
 COMPLEX_STEP = 1e-30
 EXACT = 1e-12  # deviation of a value that is assumed exactly, in units of omega0
 SINGULAR = 1e-14  # smallest eigenvalue of a correlation matrix
@@ -46,7 +46,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Structure:
-    """The problem of the second stage: groups, the unit of time (omega0, rad/s) and what is assumed.
+    """The problem of the second stage: groups, the unit of time (omega0, rad/s) and the assumptions.
 
     `priors`: by name of a parameter, its value and deviation, in units of omega0; `skew`: s is unknown;
     `skewed_drives`: the second drive is not at a right angle to the first.

@@ -29,7 +29,7 @@ PHASES = 4  # first values of the instrument's phase
 # A narrow sweep hardly shows the slopes of delay and feedthrough, and drifts of the instrument resemble them. So they
 # have a deviation before any record, as physics has it: a delay of some periods, a feedthrough such as jw Cp.
 DELAY = 10.0  # 1/omega0
-SLOPE = 3.0  # of the feedthrough over omega0
+SLOPE = 3.0  # times the feedthrough over omega0
 
 
 @dataclass(frozen=True)

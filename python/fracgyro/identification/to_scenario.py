@@ -16,10 +16,10 @@ from .quantity import Quantity
 if TYPE_CHECKING:
     from .found import Found
 
-TEMPERATURE = 300.0  # K, if none is given
+TEMPERATURE = 300.0  # K, by default
 SLOWEST_RATE = math.radians(10.0)  # rad/s: a smaller identified rate is not a full scale
 BASES = ((50.0, "tuned_in_air"), (1e5, "dual_mass"), (math.inf, "disc"))  # by quality factor, up to these
-INSIDE = 0.999  # of the largest coupling damping that D >= 0 allows
+INSIDE = 0.999  # times the largest coupling damping that D >= 0 allows
 
 # Field of the scenario: quantities that it comes from.
 SOURCES = {
