@@ -219,6 +219,25 @@ def test_the_errors_of_six_sweeps_follow_their_intervals() -> None:
     assert 22.0 < squares < 84.0  # chi^2 with 48 degrees of freedom: 0.1 % and 99.9 %
 
 
+def test_correlated_residuals_of_a_sweep_widen_its_intervals() -> None:
+    """A mode of Q 3000 in noise that is a walk with a correlation of 0.9 from point to point."""
+    at = np.linspace(417_300.0, 418_300.0, 301)
+    w = at / 417_800.0
+    clean = (1 / (1 - w**2 + 1j * w / 3000)) / 3000 + 2.0
+    generator = np.random.default_rng(2)
+    white = generator.normal(size=301) + 1j * generator.normal(size=301)
+    walk = np.empty(301, dtype=complex)
+    walk[0] = white[0]
+    for i in range(1, 301):
+        walk[i] = 0.9 * walk[i - 1] + white[i]
+    independent, correlated = (
+        fit_sweep(Response("sweep", at, (clean + 0.01 * each)[:, None, None], ("x",), ("x",), State()))
+        for each in (white, walk)
+    )
+    assert independent.widened == 1.0
+    assert 2.0 < correlated.widened < 6.0
+
+
 def test_a_sweep_and_a_decay_agree_and_narrow_the_intervals(tmp_path: Path) -> None:
     at = frequencies()
     clean = DUAL_MASS.response(at, DRIVE, THROUGH, 0.7)
@@ -318,6 +337,7 @@ def test_the_command_writes_scenario_numbers_and_report(written: Path) -> None:
     report = (written / "out/report.html").read_text(encoding="utf-8")
     assert report.count("<figure") >= 6
     assert "pickoff_ratio" in report
+    assert "a scale factor error of 4.99" in report  # half of 1 - 0.00101
 
 
 def test_the_scenario_is_that_of_the_device_with_sources_as_comments(written: Path) -> None:

@@ -42,9 +42,21 @@ def write_report(path: Path, found: Found) -> None:
         axes=plots.axes_figure(first.device) if first.device else None,
         trends=[(each, plots.trend_figure(each)) for each in found.trends],
         rows=[row_of(each) for each in found.values()],
+        scale_factor=scale_factor(found),
         scenario=found.to_toml(),
     )
     path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def scale_factor(found: Found) -> tuple[str, str] | None:
+    """Scale factor error of a joint filter, ppm, and its 95 % limit after a correction by the identified ratio.
+
+    The filter attributes half of a mismatch of the pick-offs to the rate (docs/rate_sensor.md).
+    """
+    ratio = found.get("pickoff_ratio")
+    if ratio is None or not ratio.determined:
+        return None
+    return f"{-5e5 * (ratio.value - 1):.4g}", f"{5e5 * ratio.half:.2g}"
 
 
 def row_of(quantity: Quantity) -> dict[str, str]:
