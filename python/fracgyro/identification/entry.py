@@ -15,9 +15,10 @@ from ..extras import needs
 from .diagnostics import Test, tests
 from .faults import check_motion, prepared
 from .first_stage import Fitted, fit_segments
-from .found import Condition, Found
+from .found import Found
 from .quantity import NORMAL, Quantity, modal
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
+from .results import Condition
 from .second_stage import Known, fit_device
 from .structure import Group
 from .sweep import SweepFit, fit_sweep, sweep_tests

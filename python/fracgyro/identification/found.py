@@ -1,78 +1,27 @@
-"""The result of an identification: quantities, tests, and the scenario that they make."""
+"""The result of an identification, and the files that it writes."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from importlib.metadata import version
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ..files import whole_file, whole_folder
 from ..scenario import Scenario
 from ..scenario.schema import Plant
-from .diagnostics import Test
-from .first_stage import Fitted
-from .quantity import Quantity
-from .records import State
-from .second_stage import Device, Known
-from .sweep import SweepFit
-from .trends import Trend
-
-Array = NDArray[np.float64]
+from .results import Results
+from .to_scenario import scenario_of, toml_of
 
 
 @dataclass(frozen=True)
-class Condition:
-    """Results for one bias and temperature: fits of the first stage with their rates, and the device, if both pick-offs
-    were recorded."""
-
-    state: State
-    fits: tuple[tuple[State, Fitted | SweepFit], ...]
-    device: Device | None
-    quantities: dict[str, Quantity]
-
-
-@dataclass(frozen=True)
-class Found(Mapping[str, Quantity]):
+class Found(Results):
     """The identified device: `found["kxy"]` is a `Quantity`, `found.scenario()` a scenario.
 
     `conditions`: one for each bias and temperature, of which the first is that of the quantities and the scenario;
     `tests`: of the model; `notes`: what was assumed and found in the records; `trends`: over bias and temperature;
     `known`: the numbers that were given; `files`: by name, the SHA-256 of each record.
     """
-
-    conditions: tuple[Condition, ...]
-    tests: tuple[Test, ...]
-    notes: tuple[str, ...]
-    known: Known
-    files: dict[str, str] = field(default_factory=dict)
-    trends: tuple[Trend, ...] = ()
-
-    def __getitem__(self, name: str) -> Quantity:
-        return self.conditions[0].quantities[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.conditions[0].quantities)
-
-    def __len__(self) -> int:
-        return len(self.conditions[0].quantities)
-
-    @property
-    def groups(self) -> tuple[Fitted | SweepFit, ...]:
-        """The fits of the first stage, one for each state of the device and kind of record."""
-        return tuple(fit for condition in self.conditions for _, fit in condition.fits)
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance of the parameters of the second stage, in units of omega0; of the first, with one pick-off."""
-        device = self.conditions[0].device
-        return self.groups[0].fit.covariance if device is None else device.solution.covariance
 
     @property
     def plant(self) -> Plant:
@@ -81,28 +30,11 @@ class Found(Mapping[str, Quantity]):
 
     def scenario(self) -> Scenario:
         """The identified device with the controller of the shipped scenario that is most like it."""
-        from .to_scenario import scenario_of
-
         return scenario_of(self)
 
     def to_toml(self) -> str:
         """The scenario as TOML, with the interval and the source of each identified number as comments."""
-        from .to_scenario import toml_of
-
         return toml_of(self)
-
-    def plain(self) -> dict[str, Any]:
-        """The content of identify.json."""
-        return {
-            "version": version("fracgyro"),
-            "files": self.files,
-            "known": {"mass": self.known.mass, "pickoff": self.known.pickoff, "pickoff_ratio": self.known.ratio,
-                      "assumed": dict(self.known.assumed)},
-            "notes": list(self.notes),
-            "tests": [each.plain() for each in self.tests],
-            "conditions": [_condition(each) for each in self.conditions],
-            "trends": [each.plain() for each in self.trends],
-        }  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes device.toml, identify.json and report.html into a new folder; or, to a path that ends in .toml, only
@@ -120,23 +52,4 @@ class Found(Mapping[str, Quantity]):
             (folder / "device.toml").write_text(self.to_toml(), encoding="utf-8", newline="\n")
             text = json.dumps(self.plain(), indent=1, ensure_ascii=False, allow_nan=False)
             (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
-            write_report(folder / "report.html", self)
-
-
-def _condition(condition: Condition) -> dict[str, Any]:
-    """A condition as JSON."""
-    device = condition.device
-    content: dict[str, Any] = {
-        "bias": condition.state.bias,
-        "temperature": condition.state.temperature,
-        "quantities": {name: each.plain() for name, each in condition.quantities.items()},
-        "fits": [{"rate": state.rate, **fit.plain()} for state, fit in condition.fits],
-    }
-    if device is not None:
-        content["device"] = {
-            "omega0": device.problem.unit,
-            "parameters": dict(zip(device.problem.names, device.solution.parameters.tolist(), strict=True)),
-            "covariance": device.solution.covariance.tolist(),
-            "chi_squared": device.solution.squares,
-        }
-    return content
+            write_report(folder / "report.html", self, self.to_toml())

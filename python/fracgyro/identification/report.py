@@ -5,22 +5,19 @@ from __future__ import annotations
 import math
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..analysis.html import page
 from . import plots
 from .first_stage import Fitted
 from .quantity import Quantity
+from .results import Results
 from .sweep import SweepFit
-
-if TYPE_CHECKING:
-    from .found import Found
 
 MAX_FIGURES = 6  # spectra; further records are only in the numbers
 
 
-def write_report(path: Path, found: Found) -> None:
-    """Writes the report of `found` to `path`."""
+def write_report(path: Path, found: Results, scenario: str) -> None:
+    """Writes the report of `found` to `path`; `scenario`: its TOML."""
     first = found.conditions[0]
     timed = [fit for _, fit in first.fits if isinstance(fit, Fitted)]
     swept = [fit for _, fit in first.fits if isinstance(fit, SweepFit)]
@@ -43,12 +40,12 @@ def write_report(path: Path, found: Found) -> None:
         trends=[(each, plots.trend_figure(each)) for each in found.trends],
         rows=[row_of(each) for each in found.values()],
         scale_factor=scale_factor(found),
-        scenario=found.to_toml(),
+        scenario=scenario,
     )
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def scale_factor(found: Found) -> tuple[str, str] | None:
+def scale_factor(found: Results) -> tuple[str, str] | None:
     """Scale factor error of a joint filter, ppm, and its 95 % limit after a correction by the identified ratio.
 
     The filter attributes half of a mismatch of the pick-offs to the rate (docs/rate_sensor.md).

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..rate.units import thermal_force_density
 from ..scenario import Scenario
 from ..scenario.printing import END
 from .first_stage import Fitted
 from .quantity import Quantity
-
-if TYPE_CHECKING:
-    from .found import Found
+from .results import Results
 
 TEMPERATURE = 300.0  # K, by default
 SLOWEST_RATE = math.radians(10.0)  # rad/s: a smaller identified rate is not a full scale
@@ -32,7 +30,7 @@ SOURCES = {
 }
 
 
-def base_name(found: Found) -> str:
+def base_name(found: Results) -> str:
     """The shipped scenario whose controller the identified device takes, by its quality factors."""
     losses = [each for name, each in found.items() if name.startswith("quality_") and each.determined]
     quality = min((each.value for each in losses), default=1e4)
@@ -42,13 +40,13 @@ def base_name(found: Found) -> str:
     return next(name for limit, name in BASES[1:] if largest <= limit)
 
 
-def scenario_of(found: Found) -> Scenario:
+def scenario_of(found: Results) -> Scenario:
     """The identified device in the shipped scenario that is most like it."""
     base = Scenario.shipped(base_name(found))
     return base.replace(_changes(found, base))
 
 
-def _changes(found: Found, base: Scenario) -> dict[str, Any]:
+def _changes(found: Results, base: Scenario) -> dict[str, Any]:
     mass = found.known.mass or 1.0
     k = {name: _rounded(found, name) for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy")}
     if k["kyy"] is None:  # one pick-off: the other axis is that of the shipped scenario, scaled
@@ -89,7 +87,7 @@ def _changes(found: Found, base: Scenario) -> dict[str, Any]:
     return changes
 
 
-def noise_density(found: Found) -> float | None:
+def noise_density(found: Results) -> float | None:
     """One-sided density of the pick-offs' noise, m/sqrt(Hz), if the pick-off's gain is known."""
     fit = next((each for each in found.groups if isinstance(each, Fitted)), None)
     if fit is None or found.known.pickoff is None:
@@ -101,7 +99,7 @@ def noise_density(found: Found) -> float | None:
     return found.known.pickoff * min(densities)
 
 
-def _length(found: Found, base: Scenario) -> float:
+def _length(found: Results, base: Scenario) -> float:
     """Unit of length: the amplitude of the records, m, or that of the shipped scenario."""
     fit = next((each for each in found.groups if isinstance(each, Fitted)), None)
     if fit is None or found.known.pickoff is None:
@@ -110,7 +108,7 @@ def _length(found: Found, base: Scenario) -> float:
     return float(f"{found.known.pickoff * size:.3g}")
 
 
-def _rate(found: Found) -> float | None:
+def _rate(found: Results) -> float | None:
     """The identified rate, if it is large enough to be the end of a range."""
     rate = found.get("rate")
     if rate is None or not rate.determined or abs(rate.value) < SLOWEST_RATE:
@@ -118,7 +116,7 @@ def _rate(found: Found) -> float | None:
     return _rounded(found, "rate")
 
 
-def _rounded(found: Found, name: str) -> float | None:
+def _rounded(found: Results, name: str) -> float | None:
     """A quantity in SI with two digits more than a tenth of its interval shows; None if it is not determined."""
     each = found.get(name)
     if each is None or not each.determined:
@@ -132,7 +130,7 @@ def _rounded(found: Found, name: str) -> float | None:
 # -- TOML --------------------------------------------------------------------------------------------------------------
 
 
-def toml_of(found: Found) -> str:
+def toml_of(found: Results) -> str:
     """The scenario as TOML: its head lists what was assumed, and each identified field has its interval and source."""
     scenario = scenario_of(found)
     head, *lines = scenario.to_toml().split("\n")
@@ -159,7 +157,7 @@ def _comment(text: str) -> list[str]:
     return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), 110)]
 
 
-def _field_comments(found: Found) -> dict[str, list[str]]:
+def _field_comments(found: Results) -> dict[str, list[str]]:
     """Comments of the fields, by dotted name."""
     names = ", ".join(found.files) or "the records"
     comments: dict[str, list[str]] = {}
