@@ -12,6 +12,7 @@ from .analysis import metrics as metrics
 from .analysis.plots import plot as plot
 from .export.parity import SelfCheck as SelfCheck
 from .export.parity import selfcheck as selfcheck
+from .identification.entry import identify as identify
 from .scenario import Scenario as Scenario
 from .scenario import ScenarioError as ScenarioError
 from .scenario.cite import cite as cite

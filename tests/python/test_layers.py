@@ -224,6 +224,7 @@ LIBRARY = [
     ["simulation"],
     ["analysis", "export", "interop"],
     ["rate", "study"],
+    ["identification"],
     ["", "cli"],
     ["__main__"],
 ]

@@ -27,6 +27,7 @@ COMMANDS = {
     "diff": ("inspect:diff", "Print the fields in which two scenarios differ."),
     "explain": ("inspect:explain", "Explain a field, a metric or a channel."),
     "export": ("export:export", "Export to firmware, FMU, FPGA, MATLAB or WebAssembly."),
+    "identify": ("identify:identify_command", "Identify a device from records of its bench."),
     "live": ("live:live_command", "Simulate in the browser, with controls that act at once."),
     "rate": ("rate:rate", "Measure a scenario as a rate sensor."),
     "replay": ("export:replay", "Run a recorded motion on a target and compare bits."),

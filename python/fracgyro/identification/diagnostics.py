@@ -1,0 +1,91 @@
+"""Tests of the model on what the fit left: whiteness, a further mode or line, damping that is not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from .likelihood import Fit
+from .model import Complex
+from .records import Segment
+from .spectra import Spectrum
+
+Array = NDArray[np.float64]
+
+LAGS = 20
+REJECTED = 0.01
+LARGE = 12.0  # power of a bin over the mean: for white noise one in exp(12)
+
+
+@dataclass(frozen=True)
+class Test:
+    """A test of the model. `verdict`: pass, fail or skipped; `words`: one sentence; `p`: its probability, or None."""
+
+    name: str
+    verdict: str
+    words: str
+    p: float | None = None
+
+    def plain(self) -> dict[str, str | float | None]:
+        """The test as JSON."""
+        return {"name": self.name, "verdict": self.verdict, "p": self.p, "words": self.words}
+
+
+def correlation(residuals: Complex, lags: int = LAGS) -> Complex:
+    """Correlation of the residual bins of a channel with those 1 to `lags` bins later."""
+    power = float(np.sum(np.abs(residuals) ** 2))
+    found = [np.vdot(residuals[:-lag], residuals[lag:]) / power for lag in range(1, lags + 1)]
+    return np.array(found)
+
+
+def whiteness(residuals: Complex) -> float:
+    """Probability of correlations as large as these in white noise: the test of Ljung and Box for complex bins."""
+    bins = len(residuals)
+    lags = min(LAGS, bins // 5)
+    if lags < 1:
+        return 1.0
+    squared = np.abs(correlation(residuals, lags)) ** 2
+    statistic = 2 * bins * (bins + 2) * float(np.sum(squared / (bins - np.arange(1, lags + 1))))
+    return float(chdtrc(2 * lags, statistic))
+
+
+def tests(fit: Fit, spectra: Sequence[Spectrum], segments: Sequence[Segment]) -> list[Test]:
+    """Whiteness of each channel of each record, after Bonferroni, and the largest line that the model leaves."""
+    found = []
+    channels = sum(part.shape[1] for part in fit.residuals)
+    for part, one, segment, noise in zip(fit.residuals, spectra, segments, fit.noise, strict=True):
+        for i, axis in enumerate(segment.axes):
+            where = f"{axis} of {segment.name}"
+            step = segment.step[i] if segment.step else 0.0
+            if step and noise[i] < step:
+                words = f"{where}: a converter of step {step:.3g} leaves rounding, which is not white"
+                found.append(Test("whiteness", "skipped", words))
+                continue
+            p = whiteness(part[:, i])
+            failed = p < REJECTED / channels
+            words = f"{where}: the residual is white (p = {p:.2g})"
+            if failed:
+                words = f"{where}: the residual is not white (p = {p:.1g})" + _largest(part[:, i], one)
+            found.append(Test("whiteness", "fail" if failed else "pass", words, p))
+    return found
+
+
+def _largest(residuals: Complex, one: Spectrum) -> str:
+    """The line that stands out of a residual, in words."""
+    power = np.abs(residuals) ** 2
+    at = int(np.argmax(power))
+    mean = float(np.delete(power, slice(max(at - 3, 0), at + 4)).mean())
+    if power[at] < LARGE * mean:
+        return ": the device is not linear with two modes there, or its state changes; intervals may be too small"
+    near = np.flatnonzero(power > power[at] / 2)
+    near = near[np.abs(near - at) < 200]
+    resolution = (one.frequency[1] - one.frequency[0]) / (2 * np.pi)
+    width, hertz = max(len(near), 1) * resolution, one.frequency[at] / (2 * np.pi)
+    return (
+        f": a line at {hertz:.7g} Hz is left, {width:.2g} Hz wide, {np.sqrt(power[at]):.2g} times the noise: a further "
+        "mode, or a disturbance; intervals may be too small"
+    )

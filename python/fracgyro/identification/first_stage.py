@@ -1,0 +1,169 @@
+"""The first stage for the decays and forced records of one state of the device: from segments to a fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .likelihood import Fit, maximize, search
+from .model import Shape, poles
+from .records import Segment, part
+from .spectra import Spectrum, band, clearest, first_band, spectrum
+from .start import linear_start
+
+Array = NDArray[np.float64]
+
+FRACTIONS = (1.0, 0.25, 1 / 16)  # beginnings of each record from which a start is computed
+POLISH = 6  # steps before the starts are compared
+MIN_START_BINS = 10
+BANDS = 4  # fits, each in the band around the modes of the one before
+ROUGH = 4.0  # times the beginning in which the slowest mode is the clearest
+LONGEST = 14.0  # times the longest time constant: later samples have only noise
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit, its model, its unit of time (omega0, rad/s), and the spectra and segments it is of."""
+
+    fit: Fit
+    shape: Shape
+    unit: float
+    spectra: tuple[Spectrum, ...]
+    segments: tuple[Segment, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """The fit as JSON."""
+        return {
+            "kind": "decay" if self.shape.drives == 0 else "forced",
+            "records": [each.name for each in self.segments],
+            "omega0": self.unit,
+            "names": self.shape.names(),
+            "parameters": self.fit.parameters.tolist(),
+            "covariance": self.fit.covariance.tolist(),
+            "noise": self.fit.noise.tolist(),
+            "chi_squared": self.fit.squares,
+            "degrees_of_freedom": self.fit.freedom,
+            "bins": sum(len(each.frequency) for each in self.spectra),
+            "band_hz": [self.low, self.high],
+        }
+
+    @property
+    def low(self) -> float:
+        """Lower end of the band, Hz."""
+        return min(float(each.frequency[0]) for each in self.spectra) / (2 * np.pi)
+
+    @property
+    def high(self) -> float:
+        """Upper end of the band, Hz."""
+        return max(float(each.frequency[-1]) for each in self.spectra) / (2 * np.pi)
+
+
+def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitted:
+    """Maximum likelihood of K, C and B. `unit`: omega0, rad/s; by default the largest line.
+
+    Raises ValueError, in one sentence, if the modes cannot be found.
+    """
+    segments = sorted(segments, key=lambda each: (each.digest, each.begin))  # the order of files has no effect
+    first = segments[0]
+    drives = 0 if first.force is None else first.force.shape[0]
+    shape = Shape(len(first.axes), drives)
+    bands = [first_band(each.motion, each.interval) for each in segments]
+    unit = unit or bands[0][2]
+    low, high = min(each[0] for each in bands), max(each[1] for each in bands)
+    # Until the decay is known, a record that is much longer than it is cut roughly.
+    rough = [_shortened(each, ROUGH * clearest(each.motion) * each.interval) for each in segments]
+    whole = [_spectrum(each) for each in rough]
+    noise = np.stack([_first_noise(each) for each in whole])
+    parameters = _start(shape, rough, whole, unit, (low, high), noise)
+    for _ in range(BANDS):
+        modes = poles(shape, parameters) * unit
+        # A record that is much longer than its decay is cut: its end has only noise.
+        slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
+        segments = [_shortened(each, slowest) for each in segments]
+        whole = [_spectrum(each) for each in segments]
+        longest = max(each.length for each in segments)
+        new = band(modes, longest, min(1 / each.interval for each in segments))
+        spectra = [_wide_enough(each, *new) for each in whole]
+        fit = maximize(shape, spectra, unit, parameters, noise)
+        parameters, noise = fit.parameters, fit.noise
+        same = abs(new[0] - low) < 0.05 * (new[1] - new[0]) and abs(new[1] - high) < 0.05 * (new[1] - new[0])
+        low, high = new
+        if same:
+            break
+    return Fitted(fit, shape, unit, tuple(spectra), tuple(segments))
+
+
+def _spectrum(segment: Segment) -> Spectrum:
+    return spectrum(segment.motion, segment.force, segment.interval)
+
+
+def _shortened(segment: Segment, longest: float) -> Segment:
+    samples = math.ceil(longest / segment.interval)
+    if segment.force is not None or samples > 0.9 * segment.motion.shape[1]:
+        return segment
+    return part(segment, 0, max(samples, 256))
+
+
+def _wide_enough(one: Spectrum, low: float, high: float) -> Spectrum:
+    """Bins of the band; of a short record enough for its transient and the parameters."""
+    step = float(one.frequency[0])
+    missing = 16 - int((high - low) / step)
+    if missing > 0:
+        low, high = low - missing * step / 2, high + missing * step / 2
+    return one.between(low, high)
+
+
+def _first_noise(one: Spectrum) -> Array:
+    """Noise of each channel from the median of its bins; at least a millionth of the largest."""
+    size = np.abs(one.motion)
+    return np.asarray(np.maximum(np.median(size, axis=0) / np.sqrt(2 * np.log(2)), 1e-6 * size.max(axis=0)))
+
+
+def _start(
+    shape: Shape,
+    segments: Sequence[Segment],
+    whole: Sequence[Spectrum],
+    unit: float,
+    edges: tuple[float, float],
+    noise: Array,
+) -> Array:
+    """The best of the polished linear starts from the whole records and from their beginnings."""
+    within = [_wide_enough(each, *edges) for each in whole]
+    found: list[tuple[float, Array]] = []
+    for fraction in FRACTIONS if shape.drives == 0 else FRACTIONS[:1]:
+        shorter = [part(each, 0, max(math.ceil(fraction * each.motion.shape[1]), 64)) for each in segments]
+        spectra = within if fraction == 1.0 else [_wide_enough(_spectrum(each), *edges) for each in shorter]
+        if min(len(each.frequency) for each in spectra) < MIN_START_BINS:
+            continue
+        scaled = [
+            Spectrum(each.frequency, each.motion / deviation, each.force, each.interval, each.samples)
+            for each, deviation in zip(spectra, noise, strict=True)
+        ]
+        ratio = noise[0] / noise[0, 0]
+        if not np.allclose(noise / noise[:, :1], ratio, rtol=1e-9):
+            scaled = [
+                Spectrum(each.frequency, each.motion / (deviation[0] * ratio), each.force, each.interval, each.samples)
+                for each, deviation in zip(spectra, noise, strict=True)
+            ]
+        try:
+            guess = _unscaled(shape, linear_start(shape, scaled, unit), ratio)
+            polished = search(shape, within, unit, guess, noise, POLISH)
+        except np.linalg.LinAlgError:
+            continue
+        if np.isfinite(polished.squares):
+            found.append((polished.squares, polished.parameters))
+    if not found:
+        raise ValueError(f"{segments[0].name}: no mode was found: is it a decay of at least a few periods?")
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _unscaled(shape: Shape, parameters: Array, ratio: Array) -> Array:
+    """Parameters of the motion from those of the motion over the noise of its channels."""
+    stiffness, damping, drive = shape.matrices(parameters)
+    turn = np.outer(ratio, 1 / ratio)
+    return np.concatenate([(stiffness * turn).ravel(), (damping * turn).ravel(), (drive * ratio[:, None]).ravel()])

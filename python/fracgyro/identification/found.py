@@ -1,0 +1,55 @@
+"""The result of an identification, and the files that it writes."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..files import whole_file, whole_folder
+from ..scenario import Scenario
+from ..scenario.schema import Plant
+from .results import Results
+from .to_scenario import scenario_of, toml_of
+
+
+@dataclass(frozen=True)
+class Found(Results):
+    """The identified device: `found["kxy"]` is a `Quantity`, `found.scenario()` a scenario.
+
+    `conditions`: one for each bias and temperature, of which the first is that of the quantities and the scenario;
+    `tests`: of the model; `notes`: what was assumed and found in the records; `trends`: over bias and temperature;
+    `known`: the numbers that were given; `files`: by name, the SHA-256 of each record.
+    """
+
+    @property
+    def plant(self) -> Plant:
+        """The identified plant, in SI, or with mass 1 kg if no mass was given."""
+        return self.scenario().plant
+
+    def scenario(self) -> Scenario:
+        """The identified device with the controller of the shipped scenario that is most like it."""
+        return scenario_of(self)
+
+    def to_toml(self) -> str:
+        """The scenario as TOML, with the interval and the source of each identified number as comments."""
+        return toml_of(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes device.toml, identify.json and report.html into a new folder; or, to a path that ends in .toml, only
+        the scenario.
+
+        Raises ValueError if it cannot be written.
+        """
+        if Path(path).suffix == ".toml":
+            with whole_file(path) as scratch:
+                scratch.write_text(self.to_toml(), encoding="utf-8", newline="\n")
+            return
+        from .report import write_report
+
+        with whole_folder(path) as folder:
+            (folder / "device.toml").write_text(self.to_toml(), encoding="utf-8", newline="\n")
+            text = json.dumps(self.plain(), indent=1, ensure_ascii=False, allow_nan=False)
+            (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
+            write_report(folder / "report.html", self, self.to_toml())

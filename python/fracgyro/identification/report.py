@@ -1,0 +1,69 @@
+"""The report of an identification: one self-contained HTML file, figures first."""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import version
+from pathlib import Path
+
+from ..analysis.html import page
+from . import plots
+from .first_stage import Fitted
+from .quantity import Quantity
+from .results import Results
+from .sweep import SweepFit
+
+MAX_FIGURES = 6  # spectra; further records are only in the numbers
+
+
+def write_report(path: Path, found: Results, scenario: str) -> None:
+    """Writes the report of `found` to `path`; `scenario`: its TOML."""
+    first = found.conditions[0]
+    timed = [fit for _, fit in first.fits if isinstance(fit, Fitted)]
+    swept = [fit for _, fit in first.fits if isinstance(fit, SweepFit)]
+    spectra = [figure for fit in timed for figure in plots.spectra_figures(fit)]
+    decays = [plots.decay_figure(fit) for fit in timed if fit.shape.drives == 0]
+    text = page(
+        "fracgyro.identification",
+        "report.html.jinja",
+        version=version("fracgyro"),
+        files=found.files,
+        notes=found.notes,
+        failed=[each for each in found.tests if each.verdict == "fail"],
+        tests=found.tests,
+        spectra=spectra[:MAX_FIGURES],
+        decays=decays[:1],
+        circles=[(plots.circle_figure(fit), plots.response_figure(fit), fit.response.name) for fit in swept],
+        whiteness=plots.whiteness_figure([fit for _, fit in first.fits]),
+        profile=plots.profile_figure(first.device) if first.device else None,
+        axes=plots.axes_figure(first.device) if first.device else None,
+        trends=[(each, plots.trend_figure(each)) for each in found.trends],
+        rows=[row_of(each) for each in found.values()],
+        scale_factor=scale_factor(found),
+        scenario=scenario,
+    )
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def scale_factor(found: Results) -> tuple[str, str] | None:
+    """Scale factor error of a joint filter, ppm, and its 95 % limit after a correction by the identified ratio.
+
+    The filter attributes half of a mismatch of the pick-offs to the rate (docs/rate_sensor.md).
+    """
+    ratio = found.get("pickoff_ratio")
+    if ratio is None or not ratio.determined:
+        return None
+    return f"{-5e5 * (ratio.value - 1):.4g}", f"{5e5 * ratio.half:.2g}"
+
+
+def row_of(quantity: Quantity) -> dict[str, str]:
+    """A quantity as texts: name, meaning, value, interval, unit, scale and note."""
+    kind = "relative" if quantity.relative else "absolute"
+    row = {"name": quantity.name, "meaning": quantity.meaning, "unit": quantity.unit, "note": quantity.note}
+    if not quantity.determined:
+        return row | {"value": "not determined", "interval": "", "kind": kind}
+    half = quantity.half
+    digits = 4 if not half > 0 or quantity.value == 0 else math.ceil(math.log10(max(abs(quantity.value) / half, 1))) + 2
+    digits = min(digits, 15)
+    low, high = (f"{each:.{digits}g}" for each in quantity.interval)
+    return row | {"value": f"{quantity.value:.{digits}g}", "interval": f"{low} to {high}", "kind": kind}

@@ -1,0 +1,205 @@
+"""Sweeps of a network analyzer or a lock-in: from the response over frequency to K, C, B and the feedthrough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .diagnostics import REJECTED, Test, correlation, whiteness
+from .model import Complex, Shape
+from .records import Response
+from .sweep_model import DELAY, SweepModel, searched, starts
+
+Array = NDArray[np.float64]
+
+POLISH = 5  # steps before the starts are compared
+MAX_STEPS = 60
+WEIGHTINGS = 3
+MAX_CORRELATED = 60  # points
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """K, C and B, their covariance, the sum of squares, its degrees of freedom, noise and residuals over it."""
+
+    parameters: Array
+    covariance: Array
+    squares: float
+    freedom: int
+    noise: Array
+    residuals: tuple[Complex, ...]
+
+
+@dataclass(frozen=True)
+class SweepFit:
+    """The fit of a sweep. `unit`: omega0, rad/s; `model`: the fitted response, (frequencies, axes, drives); `widened`:
+    factor on all deviations, because the residuals of neighbors are correlated."""
+
+    fit: SweepResult
+    shape: Shape
+    unit: float
+    response: Response
+    model: Complex
+    feedthrough: Complex
+    phase: float
+    delay: float
+    delay_deviation: float
+    widened: float
+    feedthrough_deviation: Array
+
+    def plain(self) -> dict[str, Any]:
+        """The fit as JSON."""
+        return {
+            "kind": "sweep",
+            "records": [self.response.name],
+            "omega0": self.unit,
+            "names": self.shape.names(),
+            "parameters": self.fit.parameters.tolist(),
+            "covariance": self.fit.covariance.tolist(),
+            "noise": self.fit.noise.tolist(),
+            "chi_squared": self.fit.squares,
+            "degrees_of_freedom": self.fit.freedom,
+            "frequencies": len(self.response.frequency),
+            "feedthrough": [[[each.real, each.imag] for each in row] for row in self.feedthrough],
+            "phase": self.phase,
+            "delay": self.delay,
+            "widened": self.widened,
+        }
+
+
+def fit_sweep(response: Response) -> SweepFit:
+    """The fit of a sweep. Raises ValueError, in one sentence, if it shows no mode."""
+    order = np.argsort(response.frequency, kind="stable")
+    frequency, values = 2 * np.pi * response.frequency[order], response.values[order]
+    shape = Shape(len(response.axes), len(response.drives))
+    unit = float(frequency[np.argmax(_distance(values))])
+    w = frequency / unit
+    problem = SweepModel(shape, unit, w, float(w.mean()), values, _first_noise(values))
+    parameters = min((searched(problem, each, POLISH) for each in starts(problem)), key=lambda each: each[1])[0]
+    points = 2 * values.size
+    count = 2 * shape.axes**2 + 2
+    free = points - count - shape.drives * 4 * shape.axes
+    if free < 1:
+        raise ValueError(f"{response.name} has {len(w)} frequencies: it must have more for this model")
+    squares = 0.0
+    for i in range(WEIGHTINGS):
+        parameters, squares = searched(problem, parameters, MAX_STEPS)
+        if i < WEIGHTINGS - 1:
+            rest = _complex(problem.evaluate(parameters)[0], shape, len(w))
+            spread = np.sqrt(np.mean(np.abs(rest) ** 2, axis=(0, 2)) / 2 / (free / points))
+            least = 1e-14 * np.abs(values).max()
+            problem = SweepModel(shape, unit, w, problem.middle, values, np.maximum(problem.noise * spread, least))
+    return _result(problem, response, order, parameters, squares, free)
+
+
+def _distance(values: Complex) -> Array:
+    """Distance of the response from its median, which is the feedthrough, summed over the channels."""
+    about = np.median(values.real, axis=0) + 1j * np.median(values.imag, axis=0)
+    return np.asarray((np.abs(values - about) ** 2).sum(axis=(1, 2)))
+
+
+def _first_noise(values: Complex) -> Array:
+    """Noise of each pick-off from second differences, real and imaginary part each."""
+    second = values[2:] - 2 * values[1:-1] + values[:-2]
+    found = np.median(np.abs(second), axis=(0, 2)) / np.sqrt(12 * np.log(2))
+    return np.asarray(np.maximum(found, 1e-9 * np.abs(values).max()))
+
+
+def _complex(rest: Array, shape: Shape, bins: int) -> Complex:
+    """Residuals as (frequencies, axes, drives)."""
+    parts = np.split(rest[:-1], shape.drives)
+    half = bins * shape.axes
+    return np.stack([(each[:half] + 1j * each[half : 2 * half]).reshape(bins, shape.axes) for each in parts], axis=2)
+
+
+def _correlated(residuals: tuple[Complex, ...]) -> float:
+    """Factor on deviations for noise that is correlated between neighbors, as drifts and readings' jumps are.
+
+    The model changes slowly over the points, so it averages n correlated values as well as n/(1 + 2 sum of the
+    correlations) independent ones. 1 if the residuals are white.
+    """
+    largest = 1.0
+    for part in residuals:
+        for row in part.T:
+            if whiteness(row) < REJECTED / (len(residuals) * part.shape[1]):
+                found = np.real(correlation(row, min(MAX_CORRELATED, len(row) // 4)))
+                until = int(np.argmax(found < 2 / np.sqrt(len(row)))) or len(found)
+                largest = max(largest, 1 + 2 * float(found[:until].sum()))
+    return float(np.sqrt(largest))
+
+
+def _result(
+    model: SweepModel, response: Response, order: NDArray[np.int64], parameters: Array, squares: float, free: int
+) -> SweepFit:
+    """The fit with the joint covariance of all parameters, of which that of K, C and B is kept."""
+    shape, n, bins = model.shape, model.shape.axes, len(model.w)
+    columns, derivatives, _ = model.linear(parameters)
+    rest, _, parts = model.evaluate(parameters)
+    size = 4 * n
+    count = len(parameters)
+    matrix = model.stacked_columns(columns)
+    height = len(matrix)
+    whole = np.zeros((height * shape.drives + 1, count + shape.drives * size))
+    whole[-1, count - 1] = 1 / DELAY
+    for drive, linear in enumerate(parts):
+        rows = slice(drive * height, (drive + 1) * height)
+        whole[rows, :count] = model.moved(derivatives, linear)
+        whole[rows, count + drive * size : count + (drive + 1) * size] = matrix
+    norms = np.maximum(np.linalg.norm(whole, axis=0), np.finfo(float).tiny)
+    inverse = np.linalg.pinv(whole / norms, rcond=1e-13)
+    residuals = tuple(_complex(rest, shape, bins)[:, :, drive] for drive in range(shape.drives))
+    widened = _correlated(residuals)
+    covariance = widened**2 * (inverse @ inverse.T) / np.outer(norms, norms)
+    square = 2 * n * n
+    places = [*range(square), *(count + drive * size + row for row in range(n) for drive in range(shape.drives))]
+    drives = np.stack([part[:n] for part in parts], axis=1)
+    feedthrough: Complex = np.stack([part[2 * n : 3 * n] + 1j * part[3 * n :] for part in parts], axis=1)
+    deviations = np.sqrt(np.diag(covariance))[count:].reshape(shape.drives, 4, n)
+    lines = [np.asarray(columns @ part, dtype=complex) for part in parts]
+    fitted: Complex = np.asarray(np.stack(lines, axis=2) * model.noise[:, None], dtype=complex)
+    found = np.concatenate([parameters[:square], drives.ravel()])
+    result = SweepResult(found, covariance[np.ix_(places, places)], squares, free, model.noise, residuals)
+    sorted_response = Response(
+        response.name, response.frequency[order], response.values[order], response.axes, response.drives,
+        response.state, response.digest,
+    )  # fmt: skip
+    delay, deviation = (
+        float(each) / model.unit for each in (parameters[-1], np.sqrt(covariance[count - 1, count - 1]))
+    )
+    spread = np.hypot(deviations[:, 2], deviations[:, 3]).T
+    return SweepFit(
+        result,
+        shape,
+        model.unit,
+        sorted_response,
+        fitted,
+        feedthrough,
+        float(parameters[-2]),
+        delay,
+        deviation,
+        widened,
+        spread,
+    )
+
+
+def sweep_tests(found: SweepFit) -> list[Test]:
+    """Whiteness of each response of a sweep, in the order of its frequencies."""
+    response = found.response
+    channels = len(response.axes) * len(response.drives)
+    result = []
+    for k, drive in enumerate(response.drives):
+        for i, axis in enumerate(response.axes):
+            p = whiteness(found.fit.residuals[k][:, i])
+            failed = p < REJECTED / channels
+            where = f"{axis}{drive} of {response.name}"
+            words = f"{where}: the residual is white (p = {p:.2g})"
+            if failed:
+                words = (
+                    f"{where}: the residual is not white (p = {p:.1g}): the sweep is too fast, the amplitude too "
+                    f"large, or the instrument drifts; all intervals are {found.widened:.2g} times wider"
+                )
+            result.append(Test("whiteness", "fail" if failed else "pass", words, p))
+    return result

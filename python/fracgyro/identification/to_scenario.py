@@ -1,0 +1,203 @@
+"""The scenario of an identified device, and its TOML with intervals and sources as comments."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from typing import Any
+
+from ..rate.units import thermal_force_density
+from ..scenario import Scenario
+from ..scenario.printing import END
+from .first_stage import Fitted
+from .quantity import Quantity
+from .results import Results
+
+TEMPERATURE = 300.0  # K, by default
+SLOWEST_RATE = math.radians(10.0)  # rad/s: a smaller identified rate is not a full scale
+BASES = ((50.0, "tuned_in_air"), (1e5, "dual_mass"), (math.inf, "disc"))  # by quality factor, up to these
+INSIDE = 0.999  # times the largest coupling damping that D >= 0 allows
+
+# Field of the scenario: quantities that it comes from.
+SOURCES = {
+    "plant.stiffness": ("kxx", "kxy", "kyy"),
+    "plant.damping": ("dxx", "dxy", "dyy"),
+    "plant.angular_rate": ("rate",),
+    "device.pickoff_gain_error": ("pickoff_ratio",),
+    "device.force_misalignment": ("beta",),
+    "reference.frequency": ("frequency_1", "frequency_2"),
+}
+
+
+def base_name(found: Results) -> str:
+    """The shipped scenario whose controller the identified device takes, by its quality factors."""
+    losses = [each for name, each in found.items() if name.startswith("quality_") and each.determined]
+    quality = min((each.value for each in losses), default=1e4)
+    largest = max((each.value for each in losses), default=1e4)
+    if quality < BASES[0][0]:
+        return BASES[0][1]
+    return next(name for limit, name in BASES[1:] if largest <= limit)
+
+
+def scenario_of(found: Results) -> Scenario:
+    """The identified device in the shipped scenario that is most like it."""
+    base = Scenario.shipped(base_name(found))
+    return base.replace(_changes(found, base))
+
+
+def _changes(found: Results, base: Scenario) -> dict[str, Any]:
+    mass = found.known.mass or 1.0
+    k = {name: _rounded(found, name) for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy")}
+    if k["kyy"] is None:  # one pick-off: the other axis is that of the shipped scenario, scaled
+        shipped = base.plant
+        k["kyy"] = float(k["kxx"] or 1.0) * shipped.stiffness.yy / shipped.stiffness.xx
+        k["dyy"] = float(k["dxx"] or 1.0) * shipped.damping.yy / shipped.damping.xx
+    kxx, kyy, dxx, dyy = (abs(float(k[name] or 0.0)) for name in ("kxx", "kyy", "dxx", "dyy"))
+    kxy = float(k["kxy"] or 0.0)
+    limit = INSIDE * math.sqrt(dxx * dyy)
+    dxy = min(max(float(k["dxy"] or 0.0), -limit), limit)
+    unit = float(f"{math.sqrt(kxx / mass):.10g}")
+    length = _length(found, base)
+    ratio = _rounded(found, "pickoff_ratio") or 1.0
+    force = mass * unit**2 * length
+    changes: dict[str, Any] = {
+        "plant.mass": mass,
+        "plant.stiffness": {"xx": kxx, "xy": kxy, "yy": kyy},
+        "plant.damping": {"xx": dxx, "xy": dxy, "yy": dyy},
+        "plant.reference_frequency": unit,
+        "plant.reference_length": length,
+        "reference.frequency": (1.0, float(f"{math.sqrt(kyy / mass) / unit:.10g}")),
+        "device.pickoff_gain_error": (0.0, float(f"{ratio - 1:.12g}")),
+        "adaptation.initial_ratio": 1.0,
+    }
+    rate = _rate(found)
+    if rate is not None:
+        changes["plant.angular_rate"] = rate
+    if found.known.mass is not None:
+        temperature = found.conditions[0].state.temperature or TEMPERATURE
+        density = thermal_force_density(max(dxx, dyy), temperature) * unit / force**2
+        changes["disturbance.density"] = float(f"{density:.6g}")
+    noise = noise_density(found)
+    if noise is not None:
+        changes["device.position_noise_density"] = float(f"{noise:.4g}")
+    turn = found.get("beta")
+    if turn is not None and turn.determined:
+        changes["device.force_misalignment"] = math.radians(turn.value)
+    return changes
+
+
+def noise_density(found: Results) -> float | None:
+    """One-sided density of the pick-offs' noise, m/sqrt(Hz), if the pick-off's gain is known."""
+    fit = next((each for each in found.groups if isinstance(each, Fitted)), None)
+    if fit is None or found.known.pickoff is None:
+        return None
+    intervals = [each.interval for each in fit.segments]
+    densities = [
+        float(row[0]) * math.sqrt(2 * interval) for row, interval in zip(fit.fit.noise, intervals, strict=True)
+    ]
+    return found.known.pickoff * min(densities)
+
+
+def _length(found: Results, base: Scenario) -> float:
+    """Unit of length: the amplitude of the records, m, or that of the shipped scenario."""
+    fit = next((each for each in found.groups if isinstance(each, Fitted)), None)
+    if fit is None or found.known.pickoff is None:
+        return float(base.plant.reference_length)
+    size = max(float(abs(each.motion - each.motion.mean(axis=1, keepdims=True)).max()) for each in fit.segments)
+    return float(f"{found.known.pickoff * size:.3g}")
+
+
+def _rate(found: Results) -> float | None:
+    """The identified rate, if it is large enough to be the end of a range."""
+    rate = found.get("rate")
+    if rate is None or not rate.determined or abs(rate.value) < SLOWEST_RATE:
+        return None
+    return _rounded(found, "rate")
+
+
+def _rounded(found: Results, name: str) -> float | None:
+    """A quantity in SI with two digits more than a tenth of its interval shows; None if it is not determined."""
+    each = found.get(name)
+    if each is None or not each.determined:
+        return None
+    if not each.half > 0 or each.value == 0:
+        return each.value
+    digits = math.ceil(math.log10(max(abs(each.value) / each.half, 1.0))) + 4
+    return float(f"{each.value:.{min(digits, 17)}g}")
+
+
+# -- TOML --------------------------------------------------------------------------------------------------------------
+
+
+def toml_of(found: Results) -> str:
+    """The scenario as TOML: its head lists what was assumed, and each identified field has its interval and source."""
+    scenario = scenario_of(found)
+    head, *lines = scenario.to_toml().split("\n")
+    words = [f"Identified by fracgyro from {', '.join(found.files) or 'arrays'}; intervals are 95 %."]
+    words += [f"{each[0].upper()}{each[1:]}." for each in found.notes]
+    words += [f"Test failed: {each.words}." for each in found.tests if each.verdict == "fail"]
+    words.append(f"Controller, adaptation and run are those of the shipped scenario {base_name(found)}.")
+    written = [head, *(line for each in words for line in _comment(each))]
+    comments = _field_comments(found)
+    table = ""
+    for line in lines:
+        opened = re.fullmatch(r"\[+(\w+)\]+", line)
+        table = opened[1] if opened else table
+        named = re.match(r"(\w+) = ", line)
+        written += (
+            [each for words in comments.get(f"{table}.{named[1]}", ()) for each in _comment(words)] if named else []
+        )
+        written.append(line)
+    assert END in written
+    return "\n".join(written)
+
+
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), 110)]
+
+
+def _field_comments(found: Results) -> dict[str, list[str]]:
+    """Comments of the fields, by dotted name."""
+    names = ", ".join(found.files) or "the records"
+    comments: dict[str, list[str]] = {}
+    for field, quantities in SOURCES.items():
+        known = [found[name] for name in quantities if name in found]
+        parts = [_part(each) for each in known if each.determined]
+        if parts:
+            comments[field] = [f"Identified from {names}: {'; '.join(parts)}."]
+        missing = [name for name in quantities if name not in found]
+        if missing and field in ("plant.stiffness", "plant.damping"):
+            comments.setdefault(field, []).append(f"Not determined by these records: {', '.join(missing)}.")
+        for each in known:
+            if not each.determined:
+                reason = f": {each.note}" if each.note else ""
+                comments.setdefault(field, []).append(f"Not determined by these records: {each.name}{reason}.")
+    if _rate(found) is None:
+        comments.setdefault("plant.angular_rate", []).append("The end of the range of the shipped scenario.")
+    relative = "Relative: no mass was given, so stiffness and damping are per 1 kg."
+    if found.known.mass is None:
+        comments["plant.mass"] = [relative]
+        comments["disturbance.density"] = ["Not determined by these records: it needs the mass."]
+    else:
+        comments["plant.mass"] = ["Given."]
+        temperature = found.conditions[0].state.temperature or TEMPERATURE
+        comments["disturbance.density"] = [f"Thermal force of the identified damping at {temperature:g} K."]
+    if found.known.pickoff is None:
+        words = "Not determined by these records: it needs the gain of the pick-off, in m per unit of the record."
+        comments["plant.reference_length"] = comments["device.position_noise_density"] = [words]
+    else:
+        comments["plant.reference_length"] = ["Largest motion in the records."]
+        comments["device.position_noise_density"] = ["Noise of the x pick-off in the records."]
+    for trend in found.trends:
+        slope = f"{trend.slope:.6g} +- {1.96 * trend.slope_deviation:.2g} {trend.unit}"
+        comments.setdefault("plant.stiffness", []).append(f"Trend of {trend.name} over {trend.over}: {slope}.")
+    return comments
+
+
+def _part(each: Quantity) -> str:
+    unit = f" {each.unit}" if each.unit else ""
+    lean = max(each.interval[1] - each.value, each.value - each.interval[0])
+    if lean > 0.6 * (each.interval[1] - each.interval[0]):  # one-sided
+        return f"{each.name} {each.interval[0]:.6g} to {each.interval[1]:.6g}{unit}"
+    return f"{each.name} +- {each.half:.2g}{unit}"

@@ -1,0 +1,93 @@
+"""Records of a bench, simulated exactly and independently of the package: by the modes of the equation of motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import fracgyro as fg
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RATE = 5.2359878  # rad/s, 300 deg/s
+
+
+@dataclass(frozen=True)
+class Device:
+    """Frequencies, Hz, quality factors, turn of the principal axes, rad, rate, rad/s, and pick-offs."""
+
+    frequency: tuple[float, float] = (3925.0, 3978.0)
+    quality: tuple[float, float] = (4673.0, 449.0)
+    turn: float = 0.02
+    rate: float = RATE
+    ratio: float = 1.01
+    skew: float = 0.0
+
+    @property
+    def omega(self) -> float:
+        return 2 * np.pi * self.frequency[0]
+
+    @property
+    def principal(self) -> tuple[Array, Array]:
+        """K and D over the mass, in units of omega, in the axes of the x pick-off."""
+        second = self.frequency[1] / self.frequency[0]
+        turn = np.array([[np.cos(self.turn), -np.sin(self.turn)], [np.sin(self.turn), np.cos(self.turn)]])
+        stiffness = turn @ np.diag([1.0, second**2]) @ turn.T
+        return stiffness, turn @ np.diag([1 / self.quality[0], second / self.quality[1]]) @ turn.T
+
+    @property
+    def seen(self) -> tuple[Array, Array]:
+        """K and C as the pick-offs see them."""
+        stiffness, damping = self.principal
+        pickoffs = np.array([[1.0, 0.0], [self.skew, self.ratio]])
+        inverse = np.linalg.inv(pickoffs)
+        coriolis = 2 * self.rate / self.omega * np.array([[0.0, -1.0], [1.0, 0.0]])
+        return pickoffs @ stiffness @ inverse, pickoffs @ (damping + coriolis) @ inverse
+
+    @property
+    def parameters(self) -> Array:
+        return np.concatenate([each.ravel() for each in self.seen])
+
+    def motion(
+        self, samples: int, per_period: float, start: tuple[float, float, float, float] = (1, 0.1, 0.1, -1)
+    ) -> Array:
+        """The free motion of both pick-offs from (x, y, x', y') at the first sample."""
+        stiffness, damping = self.seen
+        matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
+        values, vectors = np.linalg.eig(matrix)
+        weights = np.linalg.solve(vectors, np.array(start, dtype=complex))
+        step = 2 * np.pi / per_period
+        times = step * np.arange(samples)
+        return np.real((vectors[:2] * weights) @ np.exp(np.outer(values, times)))
+
+    def interval(self, per_period: float) -> float:
+        return 2 * np.pi / per_period / self.omega
+
+    def record(
+        self,
+        samples: int,
+        per_period: float = 12.6,
+        noise: float = 1e-3,
+        seed: int = 0,
+        start: tuple[float, float, float, float] = (1, 0.1, 0.1, -1),
+        scale: float = 1.0,
+        **state: float | None,
+    ) -> fg.identify.Record:
+        """A record with white noise in both pick-offs, of this deviation."""
+        motion = self.motion(samples, per_period, start)
+        motion = scale * (motion + noise * np.random.default_rng(seed).normal(size=motion.shape))
+        return fg.identify.Record(*motion, interval=self.interval(per_period), name=f"record {seed}", **state)
+
+    def response(self, frequency: Array, drive: Array, through: Array, delay: float) -> NDArray[np.complex128]:
+        """The response to two drives over frequency, Hz; `delay` in units of 1/omega."""
+        stiffness, damping = self.seen
+        w = (2 * np.pi * frequency / self.omega)[:, None, None]
+        inside = np.linalg.inv(-(w**2) * np.eye(2) + 1j * w * damping + stiffness) @ drive + through
+        return inside * np.exp(-1j * w * delay)
+
+
+DUAL_MASS = Device()
+DISC = Device((10000.0, 10050.0), (2e6, 2e6))
+PAPER = Device((3000.0, 3674.0), (60.0, 75.0), 0.35, 100.0)
+IN_AIR = Device((3216.0, 3251.0), (120.0, 10.0))
