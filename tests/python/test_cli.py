@@ -208,6 +208,7 @@ NAMES = [
     "diff",
     "explain",
     "export",
+    "identify",
     "live",
     "rate",
     "replay",

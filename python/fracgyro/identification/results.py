@@ -44,7 +44,11 @@ class Results(Mapping[str, Quantity]):
     trends: tuple[Trend, ...] = ()
 
     def __getitem__(self, name: str) -> Quantity:
-        return self.conditions[0].quantities[name]
+        """A quantity. Raises KeyError, with the known names, for another name."""
+        known = self.conditions[0].quantities
+        if name not in known:
+            raise KeyError(f"{name} is not among the quantities {', '.join(known)}")
+        return known[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.conditions[0].quantities)
