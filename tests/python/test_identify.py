@@ -291,6 +291,6 @@ def test_an_unknown_quantity_is_named_with_those_that_are_known() -> None:
     time = np.arange(4000) / 50e3
     noise = 1e-3 * np.random.default_rng(0).normal(size=4000)
     found = fg.identify([fg.identify.Record(np.exp(-20 * time) * np.cos(8000 * np.pi * time) + noise, interval=2e-5)])
-    with pytest.raises(KeyError, match="q_1 is not among the quantities .*quality_1"):
+    with pytest.raises(KeyError, match=r"q_1 is not among the quantities .*quality_1"):
         found["q_1"]
     assert "q_1" not in found
