@@ -15,6 +15,14 @@ def held_points(scenario: fg.Scenario) -> np.ndarray:
     return motion(scenario, h * np.arange(scenario.run.steps + 1), h)
 
 
+def nominal(scenario: fg.Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """D, 2 Omega and K of the nominal plant."""
+    damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+    ratio, turn = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
+    d, k = (ratio * np.array([entries[:2], entries[1:]]) for entries in (damping, stiffness))
+    return d, 2 * ratio * rate * turn, k
+
+
 class Resonant:
     """The law in a fixed frame: a and b multiply cos wt and sin wt, which the core never computes."""
 
@@ -26,11 +34,7 @@ class Resonant:
         self.held = held_points(scenario)
         self.square, self.damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
         self.integral_step = h * c.integral_frequency * self.square
-        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
-        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
-        self.damping = ratio * np.array([damping[:2], damping[1:]])
-        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
-        self.coriolis = 2 * ratio * rate * cross
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
         # Residues of Π ((s + k/2)² + w²)/(s² + w²) at s = jw, by polynomials.
         k = c.resonator_gain
         poles = [root for w in self.w for root in (1j * w, -1j * w)]
@@ -69,10 +73,7 @@ class IntegralSliding:
     def reset(self, scenario: fg.Scenario) -> None:
         self.c, self.h = scenario.controller, scenario.run.step
         self.held = held_points(scenario)
-        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
-        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
-        self.damping = ratio * (np.array([damping[:2], damping[1:]]) + 2 * rate * cross)
-        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
         self.share = 1 - np.exp(-self.c.disturbance_observer * self.h)
         self.zeta, self.integral, self.reached = None, np.zeros(2), 0
 
@@ -84,7 +85,7 @@ class IntegralSliding:
             self.zeta = -self.share / h * de
         d = self.zeta + self.share / h * de
         position, velocity, acceleration = self.held[:, round(s.time / h)]
-        keeps = self.damping @ (velocity + de) + self.stiffness @ (position + e) + acceleration
+        keeps = (self.damping + self.coriolis) @ (velocity + de) + self.stiffness @ (position + e) + acceleration
         surface = de + c.surface_gain * e
         wanted = keeps - c.surface_gain * de - c.reaching_rate * surface - self.integral - d
         force = np.clip(wanted, -c.force_limit, c.force_limit)
@@ -99,10 +100,7 @@ class Pid:
     def reset(self, scenario: fg.Scenario) -> None:
         self.c, self.h = scenario.controller, scenario.run.step
         self.held = held_points(scenario)
-        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
-        ratio, cross = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
-        self.damping = ratio * (np.array([damping[:2], damping[1:]]) + 2 * rate * cross)
-        self.stiffness = ratio * np.array([stiffness[:2], stiffness[1:]])
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
         self.integral = np.zeros(2)
 
     def __call__(self, s: fg.Sample) -> np.ndarray:
@@ -110,7 +108,7 @@ class Pid:
         position, velocity, acceleration = self.held[:, round(s.time / self.h)]
         e = np.array(s.position) - np.array(s.reference)
         de = np.array(s.velocity) - np.array(s.reference_velocity)
-        along = self.damping @ velocity + self.stiffness @ position + acceleration
+        along = (self.damping + self.coriolis) @ velocity + self.stiffness @ position + acceleration
         square, damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
         wanted = along - square * e - damper * de - self.integral
         force = np.clip(wanted, -c.force_limit, c.force_limit)

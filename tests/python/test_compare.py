@@ -159,7 +159,7 @@ def test_every_contender_has_the_same_effort_and_no_seed_of_training_judges() ->
     for row in tuned:
         tuning = whole.tuning(row, {})
         assert (tuning.trials, tuning.seeds, tuning.few, tuning.samplers) == (2500, list(range(8)), 2, 2)
-        assert tuning.starts == (), "without earlier results there is no known start"
+        assert tuning.starts == (), "a start needs earlier results"
     for row in whole.rows[:3]:
         judging = whole.judging(row, {})
         assert min(judging.seeds) == 10_000

@@ -91,7 +91,7 @@ def verdict(mine: Mapping[str, Any]) -> str | None:
 def ratio_of(mine: Mapping[str, Any], theirs: Mapping[str, Any], failed: bool, theirs_failed: bool) -> Interval:
     """Ratio of the errors of both best searches, with the 95 % intervals of all pairs of searches together.
 
-    `failed`: a search has found nothing, so that there is no upper end; of the other contender: no lower end.
+    `failed`: a search has found nothing, and its end is open: the upper one, or for the other contender the lower.
     """
     own, other = ([_array(each) for each in (one["error"], *one["searched"])] for one in (mine, theirs))
     pairs = [ratio(first, second) for first in own for second in other]

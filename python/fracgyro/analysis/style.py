@@ -66,6 +66,25 @@ def save_svg(figure: Figure, path: str | os.PathLike[str], title: str, descripti
         scratch.write_text(svg(figure, title, description), encoding="utf-8", newline="\n")
 
 
+def one_panel(height: float) -> tuple[Figure, Axes]:
+    """A figure of the width of a page with one panel; `height`: mm."""
+    figure = Figure(figsize=(WIDTH * MM, height * MM), layout="constrained")
+    panel = figure.add_subplot()
+    plain(panel)
+    return figure, panel
+
+
+def plain(panel: Axes) -> None:
+    """Removes the frame on top and right, and adds a grid."""
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.grid(True, linewidth=0.3)
+
+
+def legend_outside(panel: Axes) -> None:
+    """Adds a legend to the right of the panel."""
+    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
 def _axes(panel: Axes) -> str:
     """Description of a panel: its axis labels and the names of its curves."""
     over = " over ".join(filter(None, (panel.get_ylabel(), panel.get_xlabel())))

@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..analysis.html import embedded
-from ..analysis.style import COLORS, MM, WIDTH, own_style
+from ..analysis.style import COLORS, MM, WIDTH, legend_outside, one_panel, own_style, plain
 from .diagnostics import LAGS, correlation
 from .first_stage import Fitted
 from .model import sampled
@@ -52,7 +51,7 @@ def spectra_figures(fitted: Fitted) -> Iterator[tuple[str, str]]:
                 panel.axhline(math.sqrt(2) * noise[k], color=GREY, linewidth=0.7, dashes=(4, 2))
                 panel.set_title(f"{axis} pick-off", fontsize=8)
                 panel.set_xlabel("frequency (Hz)")
-                _plain(panel)
+                plain(panel)
             unit = segment.units[0] or "units of the record"
             panels[0].set_ylabel(f"spectrum ({unit})")
             panels[-1].legend(loc="upper right")
@@ -69,7 +68,7 @@ def decay_figure(fitted: Fitted) -> str:
     count = motion.shape[1] // size
     time = (np.arange(count) + 0.5) * size * segment.interval
     with own_style():
-        figure, panel = _one_panel(62)
+        figure, panel = one_panel(62)
         for k, axis in enumerate(segment.axes):
             for values, style, label in ((motion[k], ".", axis), (model[k], "-", f"{axis}, fit")):
                 blocks = np.abs(values[: count * size]).reshape(count, size).max(axis=1)
@@ -77,7 +76,7 @@ def decay_figure(fitted: Fitted) -> str:
                 panel.semilogy(time, blocks, style, color=color, markersize=3, linewidth=0.7, label=label)
         panel.set_xlabel("time (s)")
         panel.set_ylabel(f"amplitude ({segment.units[0] or 'units of the record'})")
-        _legend_outside(panel)
+        legend_outside(panel)
         return picture(figure, "Decay of both pick-offs with the fit")
 
 
@@ -114,7 +113,7 @@ def circle_figure(swept: SweepFit) -> str:
                 )  # fmt: skip
                 panel.set_title(f"pick-off {axis}, drive {drive}", fontsize=8)
                 panel.set_aspect("equal", "datalim")
-                _plain(panel)
+                plain(panel)
         panels[-1, 0].set_xlabel("real part")
         panels[-1, 0].set_ylabel("imaginary part")
         panels[0, -1].legend(loc="best")
@@ -125,7 +124,7 @@ def response_figure(swept: SweepFit) -> str:
     """Distance of the response from the feedthrough over frequency, with fit and residual."""
     response = swept.response
     with own_style():
-        figure, panel = _one_panel(70)
+        figure, panel = one_panel(70)
         for i, axis in enumerate(response.axes):
             for k, drive in enumerate(response.drives):
                 through = swept.feedthrough[i, k]
@@ -138,14 +137,14 @@ def response_figure(swept: SweepFit) -> str:
                 panel.semilogy(response.frequency, left, ".", color=GREY, markersize=1.5)
         panel.set_xlabel("frequency (Hz)")
         panel.set_ylabel("response less feedthrough")
-        _legend_outside(panel)
+        legend_outside(panel)
         return picture(figure, f"Response of {response.name} over frequency")
 
 
 def whiteness_figure(fits: Sequence[Fitted | SweepFit]) -> str:
     """Correlation of the residuals with later bins, and the band that 95 % of white noise keeps to."""
     with own_style():
-        figure, panel = _one_panel(55)
+        figure, panel = one_panel(55)
         lags = np.arange(1, LAGS + 1)
         fewest = math.inf
         for fit in fits:
@@ -188,7 +187,7 @@ def profile_figure(device: Device) -> str:
             margin = 0.05 * float(np.ptp(ratio[inside]))
             above.set_xlim(float(ratio[inside].min()) - margin, float(ratio[inside].max()) + margin)
         for panel in (above, below):
-            _plain(panel)
+            plain(panel)
         return picture(figure, "Profile over the pick-off ratio")
 
 
@@ -218,26 +217,10 @@ def trend_figure(trend: Trend) -> str:
     """The points of a trend with their intervals, and the line."""
     at, value, deviation = np.array(trend.points).T
     with own_style():
-        figure, panel = _one_panel(60)
+        figure, panel = one_panel(60)
         panel.errorbar(at, value, 1.96 * deviation, color=COLORS[0], fmt="o", markersize=3, linewidth=0.8)
         span = np.array([at.min(), at.max()])
         panel.plot(span, trend.intercept + trend.slope * span, color="black", linewidth=0.8)
         panel.set_xlabel(trend.over)
         panel.set_ylabel(trend.name)
         return picture(figure, f"{trend.name} over {trend.over}")
-
-
-def _one_panel(height: float) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(WIDTH * MM, height * MM), layout="constrained")
-    panel = figure.add_subplot()
-    _plain(panel)
-    return figure, panel
-
-
-def _plain(panel: Axes) -> None:
-    panel.spines[["top", "right"]].set_visible(False)
-    panel.grid(True, linewidth=0.3)
-
-
-def _legend_outside(panel: Axes) -> None:
-    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

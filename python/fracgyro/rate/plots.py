@@ -6,12 +6,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..analysis.html import csv_text, embedded
-from ..analysis.style import COLORS, MM, WIDTH, own_style
+from ..analysis.style import COLORS, MM, WIDTH, legend_outside, one_panel, own_style, plain
 from .allan import FLOOR, Allan
 from .bound import Bound
 from .inspection import Event
@@ -55,7 +54,7 @@ def allan_figure(found: Allan, bound: Bound | None = None, label: str = "output"
 
     Call and save it within `own_style`.
     """
-    figure, panel = _one_panel(78)
+    figure, panel = one_panel(78)
     unit, tau = DEG_PER_H.per_si, found.tau
     panel.fill_between(tau, found.low * unit, found.high * unit, color=COLORS[0], alpha=0.2, linewidth=0)
     panel.loglog(tau, found.deviation * unit, color=COLORS[0], marker="o", markersize=3, linewidth=1, label=label)
@@ -85,7 +84,7 @@ def allan_figure(found: Allan, bound: Bound | None = None, label: str = "output"
     panel.set_ylim(bottom=float(np.min(found.deviation)) * unit / 3, top=float(np.max(found.deviation)) * unit * 3)
     panel.set_xlabel("averaging time (s)")
     panel.set_ylabel("Allan deviation (deg/h)")
-    _legend_outside(panel)
+    legend_outside(panel)
     return figure
 
 
@@ -94,7 +93,7 @@ def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()
 
     Call and save it within `own_style`.
     """
-    figure, panel = _one_panel(62)
+    figure, panel = one_panel(62)
     spans = min(SPANS, len(values))
     edges = np.linspace(0, len(values), spans + 1).astype(int)
     low, high = (DEG_PER_S.per_si * reduce.reduceat(values, edges[:-1]) for reduce in (np.minimum, np.maximum))
@@ -127,7 +126,7 @@ def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()
     panel.set_xlim(0, len(values) * interval * time)
     panel.set_xlabel(f"time ({unit})")
     panel.set_ylabel("rate (deg/s)")
-    _legend_outside(panel)
+    legend_outside(panel)
     return figure
 
 
@@ -141,7 +140,7 @@ def _span(seconds: float) -> tuple[float, str]:
 def ladder_chart(m: Characterization) -> Chart:
     """Mean output minus the least-squares line, over the rate."""
     with own_style():
-        figure, panel = _one_panel(62)
+        figure, panel = one_panel(62)
         rate, deviation = DEG_PER_S.per_si * m.rates, DEG_PER_S.per_si * m.static.deviation
         panel.axhline(0, color="black", linewidth=0.5)
         panel.plot(rate, deviation, color=COLORS[0], marker="o", markersize=3, linewidth=0.8)
@@ -154,7 +153,7 @@ def ladder_chart(m: Characterization) -> Chart:
 def turn_on_chart(m: Characterization) -> Chart:
     """Output of every run from its start, at the highest rate of the range."""
     with own_style():
-        figure, panel = _one_panel(62)
+        figure, panel = one_panel(62)
         time = MILLISECOND.per_si * m.turn_on.time
         for i, run in enumerate(m.turn_on.rate):
             label = "output, one line per run" if i == 0 else None
@@ -171,7 +170,7 @@ def turn_on_chart(m: Characterization) -> Chart:
             panel.set_yticks([*-powers[::-1], 0, *powers])
         panel.set_xlabel("time (ms)")
         panel.set_ylabel("output (deg/s)")
-        _legend_outside(panel)
+        legend_outside(panel)
         source = embedded(figure, "Output from the start")
         seen = time <= panel.get_xlim()[1]
     runs = {f"output of run {i} (deg/s)": DEG_PER_S.per_si * run[seen] for i, run in enumerate(m.turn_on.rate, 1)}
@@ -195,7 +194,7 @@ def response_chart(m: Characterization) -> Chart:
         lag.set_ylabel("phase lag (deg)")
         lag.set_xlabel("frequency of the rate (Hz)")
         for panel in (gain, lag):
-            _plain(panel)
+            plain(panel)
         source = embedded(figure, "Gain and phase lag over frequency")
     columns = {"frequency of the rate (Hz)": m.response.frequency, "gain (dB)": decibels, "phase lag (deg)": degrees}
     return Chart(source, _data(columns))
@@ -203,19 +202,3 @@ def response_chart(m: Characterization) -> Chart:
 
 def _data(columns: dict[str, Any]) -> str:
     return csv_text(columns, zip(*columns.values(), strict=True))
-
-
-def _one_panel(height: float) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(WIDTH * MM, height * MM), layout="constrained")
-    panel = figure.add_subplot()
-    _plain(panel)
-    return figure, panel
-
-
-def _plain(panel: Axes) -> None:
-    panel.spines[["top", "right"]].set_visible(False)
-    panel.grid(True, linewidth=0.3)
-
-
-def _legend_outside(panel: Axes) -> None:
-    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
