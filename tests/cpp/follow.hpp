@@ -35,10 +35,10 @@ struct CaseOf {
     }
 };
 
-template <class C>
+template <class C, class At = CaseOf<typename C::Params>>
 class Loop {
 public:
-    using Case = CaseOf<typename C::Params>;
+    using Case = At;
 
     explicit Loop(const Case& a)
         : c(C::prepare(a.law, a.common)),
@@ -50,8 +50,8 @@ public:
     // Returns the true error before the step. A missing sample holds the force.
     Vec2<double> step(Vec2<double> disturbance = {}, bool missing = false) {
         using T = typename C::Value;
-        const Motion<double> measured{.position = motion.position + at_.sensor_noise * normal(),
-                                      .velocity = motion.velocity + at_.sensor_noise * normal()};
+        measured = {.position = motion.position + at_.sensor_noise * normal(),
+                    .velocity = motion.velocity + at_.sensor_noise * normal()};
         const Motion<T> seen{.position = cast<T>(measured.position), .velocity = cast<T>(measured.velocity)};
         const Sample<T> none{};
         signals = C::step(state, c, seen, missing ? &none : nullptr);
@@ -96,7 +96,7 @@ private:
 
 public:
     typename C::State state{};
-    Motion<double> motion;
+    Motion<double> motion, measured{};
     Signals<typename C::Value, typename C::Report> signals{};
     Vec2<double> force{};
 

@@ -5,19 +5,15 @@
 #include "fracgyro/plant/gyroscope.hpp"
 #include "fracgyro/sim/any_controller.hpp"
 
+#include "follow.hpp"
 #include "scalars.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <deque>
-#include <numbers>
-#include <random>
 
 namespace fracgyro::testing {
 namespace {
-
-constexpr double pi = std::numbers::pi, h = 1e-3, noise = 7.07e-5;
 
 template <Scalar T>
 using Both = Filtered<Pid<T>, true>;
@@ -61,77 +57,15 @@ struct Case {
 };
 
 template <class C>
-class Loop {
-public:
-    explicit Loop(const Case& a)
-        : c(C::prepare(a.law, a.common)),
-          at_(a),
-          plant_(Gyroscope<double>::prepare(a.plant, a.common.step)),
-          motion(Gyroscope<double>::start(a.plant)),
-          late_(a.delay) {}
+using FilterLoop = Loop<C, Case>;
 
-    // Returns the true error before the step. A missing sample holds the force.
-    Vec2<double> step(Vec2<double> disturbance = {}, bool missing = false) {
-        using T = typename C::Value;
-        measured = {.position = motion.position + at_.sensor_noise * normal(),
-                    .velocity = motion.velocity + at_.sensor_noise * normal()};
-        const Motion<T> seen{.position = cast<T>(measured.position), .velocity = cast<T>(measured.velocity)};
-        const Sample<T> none{};
-        signals = C::step(state, c, seen, missing ? &none : nullptr);
-        if (!missing) {
-            force = cast<double>(signals.force);
-        }
-        late_.push_back(force);
-        const Vec2<double> error = motion.position - cast<double>(signals.reference.position);
-        Gyroscope<double>::step(motion, plant_, late_.front(), disturbance + at_.force_noise * normal());
-        late_.pop_front();
-        return error;
-    }
-    // RMS error of both axes over steps, after others.
-    double rms(int before, int steps) {
-        double sum = 0.0;
-        for (int n = 0; n < before + steps; ++n) {
-            const double square = squared_norm(step());
-            sum += n < before ? 0.0 : square;
-        }
-        return std::sqrt(sum / steps);
-    }
-    // Error of the prediction for the coming sample: of the position, and h times that of the velocity.
-    double prediction_error() const {
-        const auto& z = state.filter.motion;
-        return std::sqrt(squared_norm(cast<double>(z.position) - motion.position) +
-                         h * h * squared_norm(cast<double>(z.velocity) - motion.velocity));
-    }
-
-    typename C::Coefficients c;
-
-private:
-    Case at_;
-    typename Gyroscope<double>::Coefficients plant_;
-    std::mt19937_64 random_{1};
-
-    // The sum of twelve numbers between 0 and 1: the same in every C++ library.
-    double one() {
-        double sum = -6.0;
-        for (int i = 0; i < 12; ++i) {
-            sum += std::ldexp(static_cast<double>(random_() >> 11), -53);
-        }
-        return sum;
-    }
-    Vec2<double> normal() {
-        const double x = one(), y = one();
-        return {x, y};
-    }
-
-public:
-    typename C::State state{};
-    Motion<double> motion, measured{};
-    Signals<typename C::Value, EmptyReport> signals{};
-    Vec2<double> force{};
-
-private:
-    std::deque<Vec2<double>> late_;
-};
+// Error of the prediction for the coming sample: of the position, and h times that of the velocity.
+template <class C>
+double prediction_error(const FilterLoop<C>& loop) {
+    const auto& z = loop.state.filter.motion;
+    return std::sqrt(squared_norm(cast<double>(z.position) - loop.motion.position) +
+                     h * h * squared_norm(cast<double>(z.velocity) - loop.motion.velocity));
+}
 
 template <class C>
 class MotionFilterOf : public ::testing::Test {};
@@ -216,11 +150,11 @@ TYPED_TEST(MotionFilterOf, WithTheNominalPlantItPredictsEverySample) {
         a.common.force_limit = 700.0;  // it acts at the start, and the filter has to know
         a.delay = delay;
         a.common.filter.assumed.delay = static_cast<std::int64_t>(delay);
-        Loop<TypeParam> loop(a);
+        FilterLoop<TypeParam> loop(a);
         double largest = 0.0;
         for (int n = 0; n < 3000; ++n) {
             loop.step();
-            largest = std::max(largest, loop.prediction_error());
+            largest = std::max(largest, prediction_error(loop));
         }
         EXPECT_LT(largest, 1e-12) << delay;
         EXPECT_LT(squared_norm(loop.motion.position), 2.1) << delay;
@@ -228,18 +162,18 @@ TYPED_TEST(MotionFilterOf, WithTheNominalPlantItPredictsEverySample) {
 }
 
 TYPED_TEST(MotionFilterOf, AConstantForceIsFoundAndLeavesNoError) {
-    Loop<TypeParam> loop(Case(1.0));
+    FilterLoop<TypeParam> loop(Case(1.0));
     for (int n = 0; n < 30'000; ++n) {
         loop.step({50.0, -20.0});
     }
     EXPECT_NEAR(loop.state.filter.acceleration.x(), 50.0, 1e-6);
     EXPECT_NEAR(loop.state.filter.acceleration.y(), -20.0, 1e-6);
-    EXPECT_LT(loop.prediction_error(), 1e-10);
+    EXPECT_LT(prediction_error(loop), 1e-10);
 }
 
 // Values of the PID without the filter: .079 chattering and 4.6e-5 from both, in noise of both sensors.
 TYPED_TEST(MotionFilterOf, ItRemovesNoiseFromTheForce) {
-    Loop<TypeParam> loop(Case::in_noise());
+    FilterLoop<TypeParam> loop(Case::in_noise());
     const double error = loop.rms(10'000, 20'000);
     double bends = 0.0, sum = 0.0;
     Vec2<double> last = loop.force, before = loop.force;
@@ -262,7 +196,7 @@ TYPED_TEST(MotionFilterOf, LessNoiseNeverGivesALargerError) {
     for (const double sensor : {1e-3, noise, 7e-6, 7e-7, 7e-8, 0.0}) {
         Case a = Case::in_noise();
         a.sensor_noise = a.common.filter.assumed.position_noise = a.common.filter.assumed.velocity_noise = sensor;
-        const double error = Loop<TypeParam>(a).rms(10'000, 20'000);
+        const double error = FilterLoop<TypeParam>(a).rms(10'000, 20'000);
         EXPECT_LT(error, 1.05 * worse) << sensor;
         worse = error;
     }
@@ -273,19 +207,19 @@ TYPED_TEST(MotionFilterOf, AHiddenStepOfDelayCostsLittle) {
     for (const double sensor : {noise, 0.0}) {
         Case a = Case::in_noise();
         a.sensor_noise = a.common.filter.assumed.position_noise = a.common.filter.assumed.velocity_noise = sensor;
-        const double known = Loop<TypeParam>(a).rms(10'000, 20'000);
+        const double known = FilterLoop<TypeParam>(a).rms(10'000, 20'000);
         a.delay = 1;
-        EXPECT_LT(Loop<TypeParam>(a).rms(10'000, 20'000), 1.2 * known) << sensor;
+        EXPECT_LT(FilterLoop<TypeParam>(a).rms(10'000, 20'000), 1.2 * known) << sensor;
     }
 }
 
 TYPED_TEST(MotionFilterOf, ItPredictsThroughMissingSamples) {
-    Loop<TypeParam> loop(Case::in_noise());
+    FilterLoop<TypeParam> loop(Case::in_noise());
     loop.rms(5000, 1);
     for (int n = 0; n < 40; ++n) {
         loop.step({}, true);
     }
-    EXPECT_LT(loop.prediction_error(), 0.01);  // the mass is 0.1 further
+    EXPECT_LT(prediction_error(loop), 0.01);  // the mass is 0.1 further
     EXPECT_LT(loop.rms(5000, 2000), 2e-4);
 }
 
@@ -330,7 +264,7 @@ TEST(MotionFilter, ItsGuardKeepsForcesOnTheirWayWhenItStartsOver) {
 }
 
 TEST(MotionFilter, ARestartForgetsEverything) {
-    Loop<Both<double>> loop(Case::in_noise());
+    FilterLoop<Both<double>> loop(Case::in_noise());
     loop.rms(100, 1);
     Both<double>::start_over(loop.state, false);
     EXPECT_FALSE(loop.state.filter.started);
@@ -353,10 +287,10 @@ TEST(MotionFilter, TheVelocityThatItDoesNotMeasureChangesNothing) {
 }
 
 TEST(MotionFilter, FloatIsAsGoodAsDouble) {
-    const double exact = Loop<Both<double>>(Case::in_noise()).rms(10'000, 10'000);
-    EXPECT_NEAR(Loop<Both<float>>(Case::in_noise()).rms(10'000, 10'000), exact, 0.05 * exact);
-    const double positions = Loop<Positions<double>>(Case::in_noise()).rms(10'000, 10'000);
-    EXPECT_NEAR(Loop<Positions<float>>(Case::in_noise()).rms(10'000, 10'000), positions, 0.05 * positions);
+    const double exact = FilterLoop<Both<double>>(Case::in_noise()).rms(10'000, 10'000);
+    EXPECT_NEAR(FilterLoop<Both<float>>(Case::in_noise()).rms(10'000, 10'000), exact, 0.05 * exact);
+    const double positions = FilterLoop<Positions<double>>(Case::in_noise()).rms(10'000, 10'000);
+    EXPECT_NEAR(FilterLoop<Positions<float>>(Case::in_noise()).rms(10'000, 10'000), positions, 0.05 * positions);
 }
 
 template <Scalar T>
