@@ -73,6 +73,15 @@ public:
         }
         return std::sqrt(sum / steps);
     }
+    // RMS error of each axis over ten units.
+    Vec2<double> rms_of_axes() {
+        Vec2<double> sum{};
+        for (int n = 0; n < 10'000; ++n) {
+            const Vec2<double> e = step();
+            sum = sum + 1e-4 * (e * e);
+        }
+        return {std::sqrt(sum.x()), std::sqrt(sum.y())};
+    }
 
     typename C::Coefficients c;
 
