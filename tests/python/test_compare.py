@@ -144,7 +144,7 @@ def test_an_observer_is_tuned_where_one_is_needed_and_nowhere_else() -> None:
     assert fields["paper", "P"]
     assert not fields["paper_joint", "P"], "its filter needs no velocity"
     filtered = [c.name for c in TRACK.contenders if c.fixed.get("controller.filter") == "kalman"]
-    assert {"linear_kalman", "paper_kalman", "pid_kalman"} == set(filtered)
+    assert {"paper_kalman", "resonant_kalman"} < set(filtered)
     assert [name for (name, information), found in fields.items() if found and information == "F"] == filtered
     assert not fields["paper_as_published", "P"], "it runs as it is"
 
@@ -152,13 +152,13 @@ def test_an_observer_is_tuned_where_one_is_needed_and_nowhere_else() -> None:
 def test_every_contender_has_the_same_effort_and_no_seed_of_training_judges() -> None:
     whole = plan()
     effort = whole.effort
-    assert (effort.trials, effort.seeds, effort.search_seeds, effort.samplers) == (2500, 8, 2, 2)
+    assert (effort.trials, effort.seeds, effort.search_seeds, effort.samplers) == (1200, 8, 2, 2)
     waves = whole.waves()
     tuned = [row for wave in waves for row in wave]
     assert sorted(row.name for row in tuned) == sorted(row.name for row in whole.rows if row.contender.gains)
     for row in tuned:
         tuning = whole.tuning(row, {})
-        assert (tuning.trials, tuning.seeds, tuning.few, tuning.samplers) == (2500, list(range(8)), 2, 2)
+        assert (tuning.trials, tuning.seeds, tuning.few, tuning.samplers) == (1200, list(range(8)), 2, 2)
         assert tuning.starts == (), "a start needs earlier results"
     for row in whole.rows[:3]:
         judging = whole.judging(row, {})

@@ -121,6 +121,7 @@ class Contender:
     fixed: Mapping[str, Any]  # changes of the scenario, including controller.kind
     gains: tuple[Gain, ...]  # empty: not tuned
     classes: tuple[str, ...] = ("F", "P")
+    without_noise: bool = True  # takes part with exact measurements
     observer: Gain | None = None  # also tuned if only positions are measured
     bandwidth: Gain | None = None  # bandwidth of the rate estimate: solved for, not tuned
     own: ControllerFile | None = None  # a user's controller, made of its gains

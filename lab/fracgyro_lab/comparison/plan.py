@@ -85,7 +85,7 @@ class Comparison:
             Row(contender, cell)
             for cell in self.cells
             for contender in by_scenario[cell.scenario]
-            if cell.information in contender.classes
+            if cell.information in contender.classes and (contender.without_noise or cell.noise)
         ]
 
     def waves(self) -> list[list[Row]]:

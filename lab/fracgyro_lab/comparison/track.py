@@ -44,7 +44,7 @@ class Track(Task):
     error_words = ("error", "q0")
     metrics = (*ERRORS, *CHATTERING, "largest_force", "saturated_share", "error_settling_time")
     sensing = quick_sensing = (("F", 0.0), ("F", 1e-13), ("P", 0.0), ("P", 1e-13))
-    trials = 2500
+    trials = 1200
     search_seeds = 2
     objectives = tuple(Objective(metric=metric) for metric in ERRORS)
     compared = len(ERRORS)

@@ -5,6 +5,7 @@ Ranges are those of the literature or of a first coarse search, widened where a 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from fracgyro.scenario.kinds import kinds_with
@@ -42,14 +43,6 @@ PID = (
     Gain("controller.integral_frequency", 0.01, 2000.0),
 )
 LATE = "an unknown delay then makes the loop unstable"
-FILTERED = {"controller.filter": "kalman"}
-FILTER = Gain(OBSERVER.field, 1.0, 800.0, below="the nominal plant only", above=OBSERVER.above)
-FILTERED_PID = (
-    Gain("controller.natural_frequency", 5.0, 400.0, above=LATE),
-    Gain("controller.damping_ratio", 0.6, 1.0, log=False, below=LATE, above=LATE),
-    Gain("controller.integral_frequency", 0.01, 150.0, above=LATE),
-    FILTER,
-)
 RESONANT = (
     PID[0],
     Gain("controller.damping_ratio", 0.1, 1.2, log=False, above=LATE),
@@ -104,7 +97,7 @@ LEARNS_NOTHING: dict[str, float] = {LAWS.field: LAWS.low}
 LINEAR_SURFACE: dict[str, float] = {**INTEGER, **NO_TERMINAL}
 
 SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
-CONTENDERS = (
+UNFILTERED = (
     Contender(
         PAPER,
         "the paper's controller",
@@ -167,28 +160,12 @@ CONTENDERS = (
         group=PAPER,
     ),
     Contender(
-        "paper_kalman",
-        "the paper's on a Kalman filter of the nominal plant",
-        f"{ORIGINAL}; docs/decisions/0048",
-        kind("fractional_fast_terminal") | STABLE | FILTERED,
-        (*SURFACE, LAWS, FILTER),
-        group=PAPER,
-        contains=(Contained("linear_kalman", LINEAR_SURFACE),),
-    ),
-    Contender(
         "linear",
         "adaptive linear sliding mode",
         BATUR,
         kind("linear") | STABLE | CONSTANT_BOUND,
         (LINEAR_GAIN, LAYER, RHO, LAWS),
         observer=OBSERVER,
-    ),
-    Contender(
-        "linear_kalman",
-        "adaptive linear sliding mode on a Kalman filter of the nominal plant",
-        f"{BATUR}; docs/decisions/0048",
-        kind("linear") | STABLE | CONSTANT_BOUND | FILTERED,
-        (LINEAR_GAIN, LAYER, RHO, LAWS, FILTER),
     ),
     Contender(
         "linear_least_squares",
@@ -216,13 +193,6 @@ CONTENDERS = (
         contains=(Contained("super_twisting", LEARNS_NOTHING),),
     ),
     Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID, observer=OBSERVER),
-    Contender(
-        "pid_kalman",
-        "PID on a Kalman filter of the nominal plant",
-        "textbook; docs/decisions/0048",
-        kind("pid") | FILTERED,
-        FILTERED_PID,
-    ),
     Contender(
         "resonant",
         "PD with resonators at the reference's frequencies",
@@ -309,4 +279,42 @@ CONTENDERS = (
         ESO,
         classes=("P",),
     ),
+)
+
+FILTER = replace(OBSERVER, low=1.0, below="the nominal plant only")
+FILTERED_PID = (
+    replace(PID[0], high=400.0, above=LATE),
+    Gain("controller.damping_ratio", 0.6, 1.0, log=False, below=LATE, above=LATE),
+    replace(PID[2], high=150.0, above=LATE),
+)
+
+
+def filtered(name: str, **changes: Any) -> Contender:
+    """A contender on a Kalman filter of the nominal plant, which no exact measurement needs."""
+    (law,) = (contender for contender in UNFILTERED if contender.name == name)
+    gains = changes.pop("gains", law.gains)
+    return replace(
+        law,
+        name=f"{name}_kalman",
+        words=f"{law.words} on a Kalman filter of the nominal plant",
+        source=f"{law.source}; docs/decisions/0048",
+        fixed=law.fixed | {"controller.filter": "kalman"},
+        gains=(*gains, FILTER),
+        observer=None,
+        without_noise=False,
+        **{"contains": (), **changes},
+    )
+
+
+# One of each family of laws that has no filter of its own.
+CONTENDERS = (
+    *UNFILTERED,
+    filtered(PAPER, group=PAPER, contains=(Contained("linear_kalman", LINEAR_SURFACE),)),
+    filtered("linear"),
+    filtered("super_twisting"),
+    filtered("nonsingular_terminal"),
+    filtered("pid", gains=FILTERED_PID),
+    filtered("resonant"),
+    filtered("integral_sliding"),
+    filtered("park_horowitz"),
 )
