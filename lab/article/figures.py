@@ -26,6 +26,7 @@ from replication import EACH, LIMIT, RATE, Replication, gains_over_time
 WIDE = 160.0  # mm
 GREEN, PURPLE, SKY, GOLD = "#009E73", "#CC79A7", "#56B4E9", "#E69F00"  # from the same palette as COLORS
 GRAY = "#9aa5ac"
+SPAN = 40.0  # times the least limit: larger errors are not drawn
 NAMED = 6  # contenders of a front that have a color of their own
 LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"), ("#000000", "X")]
 
@@ -36,7 +37,7 @@ def draw(r: Replication, errors: sensing.Errors, track: dict[str, Any], folder: 
         _save(_tracking(r), folder / "tracking.svg")
         _save(_end(r), folder / "end.svg")
         _save(_sensing(errors), folder / "sensing.svg")
-        _save(_fronts(track["contenders"]), folder / "fronts.svg")
+        _save(fronts(track["contenders"]), folder / "fronts.svg")
     draw_table(table(r.study), folder / "orders.svg")
 
 
@@ -155,7 +156,7 @@ def _sensing(e: sensing.Errors) -> Figure:
     return figure
 
 
-def _fronts(every: list[dict[str, Any]]) -> Figure:
+def fronts(every: list[dict[str, Any]]) -> Figure:
     """Error against chattering of training, by class, with noise; the limit, the paper's and the best stand out."""
     rows = [row for row in every if row.get("scenario", tracking.SCENARIO) == tracking.SCENARIO]
     noise = max(float(row["noise"]) for row in rows)
@@ -178,10 +179,17 @@ def _fronts(every: list[dict[str, Any]]) -> Figure:
                 look = {"color": color, "marker": marker, "lw": 1.0, "zorder": 3}
             else:
                 look = {"color": GRAY, "lw": 0.6, "zorder": 2}
-            panel.plot(xs, ys, drawstyle="steps-post", ms=2.6, **look)
-        panel.plot(*limits.line(information, noise, *ends), color="black", lw=1.4, zorder=5)
+            marker = look.pop("marker", None)
+            # More chattering than any trial had is not needed for its error.
+            panel.plot([*xs, 100 * xs[-1]], [*ys, ys[-1]], drawstyle="steps-post", **look)
+            found = [(ceiling, ys[xs <= ceiling].min()) for ceiling in ceilings if xs[0] <= ceiling]
+            if marker and found:
+                panel.plot(*np.array(found).T, marker, ms=3.2, color=look["color"], zorder=5)
+        line = limits.line(information, noise, *ends)
+        panel.plot(*line, color="black", lw=1.6, zorder=6)
         panel.set(xscale="log", yscale="log", xlabel="chattering index, larger axis")
         panel.set_xlim(*ends)
+        panel.set_ylim(0.85 * line[1].min(), SPAN * line[1].min())
         words = "positions and velocities" if information == "F" else "positions only"
         panel.set_title(f"class {information}: {words}", loc="left", fontsize=8)
     panels[0].set_ylabel("error of the best trial so far, q₀")
