@@ -25,10 +25,11 @@ from replication import EACH, LIMIT, RATE, Replication, gains_over_time
 
 WIDE = 160.0  # mm
 GREEN, PURPLE, SKY, GOLD = "#009E73", "#CC79A7", "#56B4E9", "#E69F00"  # from the same palette as COLORS
+BROWN = "#7a4b2a"
 GRAY = "#9aa5ac"
 SPAN = 40.0  # times the least limit: larger errors are not drawn
 NAMED = 6  # contenders of a front that have a color of their own
-LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"), ("#000000", "X")]
+LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"), (BROWN, "X")]
 
 
 def draw(r: Replication, errors: sensing.Errors, track: dict[str, Any], folder: Path) -> None:
@@ -205,8 +206,12 @@ def fronts(every: list[dict[str, Any]]) -> Figure:
 
 
 def _best(rows: list[dict[str, Any]]) -> dict[str, tuple[str, str]]:
-    """The contenders with the least errors in any table, other than the paper's, each with its look."""
+    """The contenders with the least errors in any table, other than the paper's, each with its look.
+
+    Those that need the exact delay are nearly the limit, which would hide the others.
+    """
     kept = [row for row in rows if row["kept"] and row["name"] != comparison.PAPER and row["front"]]
+    kept = [row for row in kept if not row["name"].endswith("_exact_delay")]
     tables: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in sorted(kept, key=tracking.error):
         tables.setdefault((row["class"], row["ceiling"]), []).append(row)
