@@ -68,9 +68,10 @@ def identify_command(
 ) -> None:
     """Identify a device from RECORD, files of decays, forced records and sweeps, or a bench.toml that lists them."""
     with needs("identify"):
-        from ..identification.bench import amount, read_bench
+        from ..identification.bench import read_bench
         from ..identification.entry import identify
         from ..identification.records import Decay, Sweep
+        from ..scenario.amounts import amount
 
     columns = {name: each for name, each in (("x", x_column), ("y", y_column)) if each is not None}
     turned = None if rate is None else amount("--rate", rate, "rad/s")

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-import re
-import textwrap
 from typing import Any
 
-from ..rate.units import thermal_force_density
+from ..devices.commented import commented
+from ..devices.shipped_like import TEMPERATURE, Linear, like
 from ..scenario import Scenario
-from ..scenario.printing import END
 from .first_stage import Fitted
 from .quantity import Quantity
 from .results import Results
 
-TEMPERATURE = 300.0  # K, by default
 SLOWEST_RATE = math.radians(10.0)  # rad/s: a smaller identified rate is not a full scale
-BASES = ((50.0, "tuned_in_air"), (1e5, "dual_mass"), (math.inf, "disc"))  # by quality factor, up to these
 INSIDE = 0.999  # times the largest coupling damping that D >= 0 allows
 
 # Field of the scenario: quantities that it comes from.
@@ -33,11 +29,8 @@ SOURCES = {
 def base_name(found: Results) -> str:
     """The shipped scenario whose controller the identified device takes, by its quality factors."""
     losses = [each for name, each in found.items() if name.startswith("quality_") and each.determined]
-    quality = min((each.value for each in losses), default=1e4)
-    largest = max((each.value for each in losses), default=1e4)
-    if quality < BASES[0][0]:
-        return BASES[0][1]
-    return next(name for limit, name in BASES[1:] if largest <= limit)
+    quality = [each.value for each in losses] or [1e4]
+    return like(min(quality), max(quality))
 
 
 def scenario_of(found: Results) -> Scenario:
@@ -57,27 +50,19 @@ def _changes(found: Results, base: Scenario) -> dict[str, Any]:
     kxy = float(k["kxy"] or 0.0)
     limit = INSIDE * math.sqrt(dxx * dyy)
     dxy = min(max(float(k["dxy"] or 0.0), -limit), limit)
-    unit = float(f"{math.sqrt(kxx / mass):.10g}")
-    length = _length(found, base)
+    linear = Linear(mass, (kxx, kxy, kyy), (dxx, dxy, dyy), _length(found, base))
     ratio = _rounded(found, "pickoff_ratio") or 1.0
-    force = mass * unit**2 * length
-    changes: dict[str, Any] = {
-        "plant.mass": mass,
-        "plant.stiffness": {"xx": kxx, "xy": kxy, "yy": kyy},
-        "plant.damping": {"xx": dxx, "xy": dxy, "yy": dyy},
-        "plant.reference_frequency": unit,
-        "plant.reference_length": length,
-        "reference.frequency": (1.0, float(f"{math.sqrt(kyy / mass) / unit:.10g}")),
+    rate = _rate(found)
+    changes = linear.changes() | {
         "device.pickoff_gain_error": (0.0, float(f"{ratio - 1:.12g}")),
         "adaptation.initial_ratio": 1.0,
+        "controller.force_limit": linear.force_limit(base, base.plant.angular_rate if rate is None else rate),
     }
-    rate = _rate(found)
     if rate is not None:
         changes["plant.angular_rate"] = rate
     if found.known.mass is not None:
         temperature = found.conditions[0].state.temperature or TEMPERATURE
-        density = thermal_force_density(max(dxx, dyy), temperature) * unit / force**2
-        changes["disturbance.density"] = float(f"{density:.6g}")
+        changes["disturbance.density"] = linear.thermal_density(temperature)
     noise = noise_density(found)
     if noise is not None:
         changes["device.position_noise_density"] = float(f"{noise:.4g}")
@@ -132,29 +117,11 @@ def _rounded(found: Results, name: str) -> float | None:
 
 def toml_of(found: Results) -> str:
     """The scenario as TOML: its head lists what was assumed, and each identified field has its interval and source."""
-    scenario = scenario_of(found)
-    head, *lines = scenario.to_toml().split("\n")
     words = [f"Identified by fracgyro from {', '.join(found.files) or 'arrays'}; intervals are 95 %."]
     words += [f"{each[0].upper()}{each[1:]}." for each in found.notes]
     words += [f"Test failed: {each.words}." for each in found.tests if each.verdict == "fail"]
     words.append(f"Controller, adaptation and run are those of the shipped scenario {base_name(found)}.")
-    written = [head, *(line for each in words for line in _comment(each))]
-    comments = _field_comments(found)
-    table = ""
-    for line in lines:
-        opened = re.fullmatch(r"\[+(\w+)\]+", line)
-        table = opened[1] if opened else table
-        named = re.match(r"(\w+) = ", line)
-        written += (
-            [each for words in comments.get(f"{table}.{named[1]}", ()) for each in _comment(words)] if named else []
-        )
-        written.append(line)
-    assert END in written
-    return "\n".join(written)
-
-
-def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), 110)]
+    return commented(scenario_of(found), words, _field_comments(found))
 
 
 def _field_comments(found: Results) -> dict[str, list[str]]:
