@@ -33,7 +33,7 @@ COMMANDS = {
     "rate": ("rate:rate", "Measure a scenario as a rate sensor."),
     "replay": ("export:replay", "Run a recorded motion on a target and compare bits."),
     "scenario": ("simulate:scenario_command", "Print a scenario, to edit and run."),
-    "schema": ("editors:schema_command", "Print the JSON Schema of a scenario or of a study."),
+    "schema": ("editors:schema_command", "Print the JSON Schema of a file."),
     "selfcheck": ("selfcheck:selfcheck", "Recompute the published parity hashes."),
     "simulate": ("simulate:simulate_command", "Simulate a scenario and print its metrics."),
     "sweep": ("study:sweep", "Run every scenario of a study."),

@@ -1,16 +1,26 @@
-"""The scenario of an identified device, and its TOML with intervals and sources as comments."""
+"""The scenario of an identified device, and its TOML with intervals and sources as comments.
+
+Plant axes are those of the pick-offs, as the records see them; or the principal axes of the stiffness, which the
+pick-offs and the actuators are then turned against. Both are the same device.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
+import numpy as np
+
+from ..arguments import short
 from ..devices.commented import commented
 from ..devices.shipped_like import TEMPERATURE, Linear, like
 from ..scenario import Scenario
 from .first_stage import Fitted
 from .quantity import Quantity
 from .results import Results
+
+Axes = Literal["pickoffs", "principal"]
 
 SLOWEST_RATE = math.radians(10.0)  # rad/s: a smaller identified rate is not a full scale
 INSIDE = 0.999  # times the largest coupling damping that D >= 0 allows
@@ -33,13 +43,34 @@ def base_name(found: Results) -> str:
     return like(min(quality), max(quality))
 
 
-def scenario_of(found: Results) -> Scenario:
-    """The identified device in the shipped scenario that is most like it."""
+def scenario_of(found: Results, axes: Axes = "pickoffs") -> Scenario:
+    """The identified device in the shipped scenario that is most like it, in these axes.
+
+    Raises ValueError for other axes, or if the principal axes are not known.
+    """
+    if axes not in ("pickoffs", "principal"):
+        raise ValueError(f"axes is {short(axes)}: it must be pickoffs or principal")
+    if axes == "principal" and not ("kxy" in found and found["kxy"].determined):
+        raise ValueError("axes is principal: these records do not determine kxy, so it must be pickoffs")
     base = Scenario.shipped(base_name(found))
-    return base.replace(_changes(found, base))
+    return base.replace(_changes(found, base, axes))
 
 
-def _changes(found: Results, base: Scenario) -> dict[str, Any]:
+def principal(plant: Linear) -> tuple[Linear, float]:
+    """The device in the principal axes of its stiffness, and the angle to the nearest of them from x, rad."""
+    xx, xy, yy = plant.stiffness
+    angle = 0.5 * math.atan2(2 * xy * math.copysign(1.0, xx - yy), abs(xx - yy))
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+    def turned(entries: tuple[float, float, float]) -> tuple[float, float, float]:
+        (one, coupling), (_, other) = (turn.T @ np.array([entries[:2], entries[1:]]) @ turn).tolist()
+        return one, coupling, other
+
+    kxx, _, kyy = turned(plant.stiffness)
+    return replace(plant, stiffness=(kxx, 0.0, kyy), damping=turned(plant.damping)), angle
+
+
+def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
     mass = found.known.mass or 1.0
     k = {name: _rounded(found, name) for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy")}
     if k["kyy"] is None:  # one pick-off: the other axis is that of the shipped scenario, scaled
@@ -51,10 +82,18 @@ def _changes(found: Results, base: Scenario) -> dict[str, Any]:
     limit = INSIDE * math.sqrt(dxx * dyy)
     dxy = min(max(float(k["dxy"] or 0.0), -limit), limit)
     linear = Linear(mass, (kxx, kxy, kyy), (dxx, dxy, dyy), _length(found, base))
+    drive = found.get("beta")
+    pushed = math.radians(drive.value) if drive is not None and drive.determined else 0.0
+    seen = 0.0
+    if axes == "principal":
+        linear, angle = principal(linear)
+        seen, pushed = -angle, pushed - angle
     ratio = _rounded(found, "pickoff_ratio") or 1.0
     rate = _rate(found)
     changes = linear.changes() | {
         "device.pickoff_gain_error": (0.0, float(f"{ratio - 1:.12g}")),
+        "device.pickoff_misalignment": seen,
+        "device.force_misalignment": pushed,
         "adaptation.initial_ratio": 1.0,
         "controller.force_limit": linear.force_limit(base, base.plant.angular_rate if rate is None else rate),
     }
@@ -66,9 +105,6 @@ def _changes(found: Results, base: Scenario) -> dict[str, Any]:
     noise = noise_density(found)
     if noise is not None:
         changes["device.position_noise_density"] = float(f"{noise:.4g}")
-    turn = found.get("beta")
-    if turn is not None and turn.determined:
-        changes["device.force_misalignment"] = math.radians(turn.value)
     return changes
 
 
@@ -115,13 +151,20 @@ def _rounded(found: Results, name: str) -> float | None:
 # -- TOML --------------------------------------------------------------------------------------------------------------
 
 
-def toml_of(found: Results) -> str:
+def toml_of(found: Results, axes: Axes = "pickoffs") -> str:
     """The scenario as TOML: its head lists what was assumed, and each identified field has its interval and source."""
+    scenario, comments = scenario_of(found, axes), _field_comments(found)
     words = [f"Identified by fracgyro from {', '.join(found.files) or 'arrays'}; intervals are 95 %."]
     words += [f"{each[0].upper()}{each[1:]}." for each in found.notes]
     words += [f"Test failed: {each.words}." for each in found.tests if each.verdict == "fail"]
     words.append(f"Controller, adaptation and run are those of the shipped scenario {base_name(found)}.")
-    return commented(scenario_of(found), words, _field_comments(found))
+    if axes == "principal":
+        said = _part(found["stiffness_axis"])
+        words.append(f"All is in the principal axes of the stiffness, which the pick-offs see turned: {said}.")
+        for field in ("plant.stiffness", "plant.damping", "device.force_misalignment"):
+            comments.setdefault(field, []).append("In the principal axes; intervals are for the axes of the pick-offs.")
+        comments["device.pickoff_misalignment"] = ["From the principal axes to the pick-offs."]
+    return commented(scenario, words, comments)
 
 
 def _field_comments(found: Results) -> dict[str, list[str]]:
