@@ -15,6 +15,10 @@ import pytest
 from bench_records import DUAL_MASS, RATE
 from click.testing import CliRunner
 from fracgyro.cli.editors import schema_command
+from fracgyro.identification.advice import FreeDecay, information
+from fracgyro.identification.model import Shape
+from fracgyro.identification.prediction import predict
+from fracgyro.identification.to_scenario import correction
 from jsonschema import Draft202012Validator
 
 QUIET = {"disturbance.kind": "none", "device.position_noise_density": 0.0, "run.units": "SI"}
@@ -119,3 +123,120 @@ def test_the_toml_says_in_which_axes_it_is(found: fg.identify.Found, tmp_path: P
     assert "# All is in the principal axes of the stiffness, which the pick-offs see turned: stiffness_axis +- " in text
     assert fg.Scenario.load(tmp_path / "device.toml") == found.scenario(axes="principal")
     assert found.scenario(axes="principal").plant.angular_rate == pytest.approx(RATE, rel=0.01)
+
+
+# -- What to record next -----------------------------------------------------------------------------------------------
+
+
+def advised(found: fg.identify.Found) -> dict[str, Any]:
+    return {each.name: each for each in found.advice}
+
+
+def test_the_information_of_a_decay_is_the_sum_over_its_samples() -> None:
+    """Central differences of simulated motion, start values unknown too."""
+    device, samples = DUAL_MASS, 700
+    start, size, noise = np.array([0.8, -0.3, 0.2, 0.9]), 2 * np.pi / 9.0, np.array([1e-3, 2e-3])
+
+    def motion(values: np.ndarray) -> np.ndarray:
+        stiffness, damping = values[:4].reshape(2, 2), values[4:8].reshape(2, 2)
+        matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
+        poles, vectors = np.linalg.eig(matrix)
+        weights = np.linalg.solve(vectors, values[8:].astype(complex))
+        states = np.real((vectors[:2] * weights) @ np.exp(np.outer(poles, size * np.arange(samples))))
+        return (states / noise[:, None]).ravel()
+
+    middle = np.concatenate([device.parameters, start])
+    steps = 1e-5 * np.eye(12)
+    jacobian = np.stack([(motion(middle + step) - motion(middle - step)) / 2e-5 for step in steps], axis=1)
+    whole = jacobian.T @ jacobian
+    expected = whole[:8, :8] - whole[:8, 8:] @ np.linalg.solve(whole[8:, 8:], whole[8:, :8])
+    found = information(Shape(2), device.parameters, FreeDecay(start, samples, size, noise))
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-5)
+
+
+@pytest.mark.parametrize("turn", [0.02, 0.0])
+def test_the_advice_is_what_such_records_then_give(turn: float) -> None:
+    """The same device recorded again, on a turntable, longer and with half the noise: intervals as promised."""
+    device = replace(DUAL_MASS, turn=turn, rate=0.0)
+    one = device.record(8000, seed=1)
+    found = fg.identify(one)
+    promised = advised(found)
+    rate = -math.copysign(RATE, found["rate"].value)  # the opposite of what the record shows
+    assert f"on a turntable at {math.degrees(rate):.0f} deg/s" in promised["known rate"].words
+    further = {
+        "repeat": [one, device.record(8000, seed=2)],
+        "known rate": [one, replace(device, rate=rate).record(8000, seed=2, rate=rate)],
+        "longer": [device.record(16_000, seed=3)],
+        "amplitude": [device.record(8000, noise=5e-4, seed=4)],
+        "start y": [one, device.record(8000, seed=5, start=(0.0, 1.0, 0.0, 0.0))],
+    }
+    for name, records in further.items():
+        got = fg.identify(records)
+        assert got["pickoff_ratio"].determined == math.isfinite(promised[name].halves["pickoff_ratio"][1])
+        if got["pickoff_ratio"].determined:  # otherwise intervals cover all ratios, which no bound does
+            for quantity in promised[name].halves.keys() & got.keys():
+                then = promised[name].halves[quantity][1]
+                assert got[quantity].half == pytest.approx(then, rel=0.15), (name, quantity)
+    assert promised["repeat"].halves["kyy"][0] == pytest.approx(found["kyy"].half, rel=0.05)
+    assert ("skew" if turn else "pickoff_ratio") in promised["known rate"].halved
+    assert set(promised["amplitude"].halved) >= {"kxx", "dxx", "kyy", "dyy"}
+    assert "kyy" not in promised["repeat"].halved
+
+
+def test_bits_are_advised_where_the_noise_is_that_of_the_converter() -> None:
+    record = DUAL_MASS.record(8000, noise=2e-3)
+    coarse = replace(
+        record, x=np.round(np.asarray(record.x) / 0.01) * 0.01, y=np.round(np.asarray(record.y) / 0.01) * 0.01
+    )
+    promised = advised(fg.identify(coarse))
+    assert "bits" in promised
+    assert "bits" not in advised(fg.identify(record))
+    now, then = promised["bits"].halves["kyy"]
+    assert 0.5 < then / now < 0.8  # the noise of 0.2 steps is left, that of the converter was 0.29
+
+
+# -- Errors of the sensor ----------------------------------------------------------------------------------------------
+
+
+def test_the_prediction_is_half_of_what_is_left_of_the_ratio(found: fg.identify.Found) -> None:
+    prediction = found.prediction
+    assert prediction is not None
+    ratio = found["pickoff_ratio"]
+    assert prediction.scale_factor == pytest.approx(5e5 * ratio.half / ratio.value, rel=0.01)
+    assert f"scale factor ± {float(f'{prediction.scale_factor:.2g}'):,g} ppm" in prediction.words
+    # dxy/(4 m) per unit of the ratio, if the stiffness does not couple.
+    alone = found.scenario().replace({"plant.stiffness.xy": 0.0})
+    damped = predict(alone, ratio)
+    assert damped is not None
+    bias = abs(found["dxy"].value) / (4 * 1.42e-6) * ratio.half / ratio.value
+    assert damped.bias == pytest.approx(math.degrees(bias) * 3600, rel=0.02)
+
+
+def test_there_is_no_prediction_without_a_ratio() -> None:
+    found = fg.identify(replace(DUAL_MASS, turn=0.0).record(8000))
+    assert found.prediction is None
+    assert correction(found) is None
+
+
+def test_the_correction_undoes_the_pick_offs(found: fg.identify.Found) -> None:
+    """Of a device with skewed pick-offs of different gains, from records at two known rates."""
+    device = replace(DUAL_MASS, skew=0.015, rate=0.0)
+    records = [replace(device, rate=rate).record(20_000, 5.04, 0.0, rate=rate) for rate in (0.0, RATE)]
+    matrix = correction(fg.identify(records))
+    np.testing.assert_allclose(matrix @ np.array([[1.0, 0.0], [0.015, 1.01]]), np.eye(2), atol=1e-8)
+    assert f"multiply what is measured by {correction(found)}" in " ".join(found.to_toml().replace("# ", "").split())
+
+
+def test_the_report_has_its_figures_advice_and_prediction(found: fg.identify.Found, tmp_path: Path) -> None:
+    found.save(tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count("<img ") == 6
+    assert page.index("<img ") < page.index("<table")
+    for words in ("What to record next", "Joint region of the pick-off ratio", "on a turntable at -300 deg/s"):
+        assert words in page
+    assert found.prediction is not None
+    assert found.prediction.words in page
+    content = json.loads((tmp_path / "out" / "identify.json").read_text(encoding="utf-8"))
+    assert content["prediction"]["words"] == found.prediction.words
+    assert [each["name"] for each in content["record_next"]] == [each.name for each in found.advice]

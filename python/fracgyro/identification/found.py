@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from ..files import whole_file, whole_folder
 from ..scenario import Scenario
 from ..scenario.schema import Plant
+from .advice import Advice, advice
+from .prediction import Prediction, predict
 from .results import Results
 from .to_scenario import Axes, scenario_of, toml_of
 
@@ -27,6 +31,24 @@ class Found(Results):
     def plant(self) -> Plant:
         """The identified plant, in SI, or with mass 1 kg if no mass was given."""
         return self.scenario().plant
+
+    @cached_property
+    def advice(self) -> tuple[Advice, ...]:
+        """Further records, and how much each would narrow the intervals; from the bound, without a run."""
+        return advice(self)
+
+    @cached_property
+    def prediction(self) -> Prediction | None:
+        """Errors of a rate sensor that is told this device; None if the pick-off ratio is not determined.
+
+        Runs the scenario a few times, which takes a second.
+        """
+        return predict(self.scenario(), self.get("pickoff_ratio"))
+
+    def plain(self) -> dict[str, Any]:
+        """The content of identify.json; `schema` describes it."""
+        more = None if self.prediction is None else self.prediction.plain()
+        return super().plain() | {"record_next": [each.plain() for each in self.advice], "prediction": more}
 
     def scenario(self, axes: Axes = "pickoffs") -> Scenario:
         """The identified device with the controller of the shipped scenario that is most like it.
@@ -57,4 +79,4 @@ class Found(Results):
             (folder / "device.toml").write_text(toml, encoding="utf-8", newline="\n")
             text = json.dumps(self.plain(), indent=1, ensure_ascii=False, allow_nan=False)
             (folder / "identify.json").write_text(text + "\n", encoding="utf-8")
-            write_report(folder / "report.html", self, toml)
+            write_report(folder / "report.html", self, toml, self.advice, self.prediction)

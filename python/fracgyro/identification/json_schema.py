@@ -30,6 +30,8 @@ def schema() -> Schema:
                                "p": _or_null(NUMBER), "words": TEXT})),
         "conditions": _list(_condition()) | {"minItems": 1},
         "trends": _list(_trend()),
+        "record_next": _list(_advice()),
+        "prediction": _or_null(_table({"scale_factor_ppm": NUMBER, "bias_deg_per_h": NUMBER, "words": TEXT})),
     }  # fmt: skip
     return {"$schema": DRAFT, "title": "identify.json", **_table(parts)}
 
@@ -89,6 +91,12 @@ def _condition() -> Schema:
         "device": device,
     }
     return _table(parts, required=[name for name in parts if name != "device"])
+
+
+def _advice() -> Schema:
+    half = _table({"now": _or_null(NUMBER), "then": _or_null(NUMBER)})
+    said = {"description": "half of the 95 % interval, now and with that record; null: not determined"}
+    return _table({"name": TEXT, "words": TEXT, "half_intervals": {**said, **_by_name(half)}, "halved": _list(TEXT)})
 
 
 def _trend() -> Schema:

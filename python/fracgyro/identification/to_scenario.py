@@ -148,6 +148,21 @@ def _rounded(found: Results, name: str) -> float | None:
     return float(f"{each.value:.{min(digits, 17)}g}")
 
 
+def correction(found: Results) -> list[list[float]] | None:
+    """The matrix by which a measured (x, y) is multiplied to be the motion, in units of x: P^-1 of structure.py.
+
+    None if the pick-off ratio is not determined.
+    """
+    ratio, skew = _rounded(found, "pickoff_ratio"), _rounded(found, "skew") or 0.0
+    if ratio is None:
+        return None
+    return [[1.0, 0.0], [_ten(-skew / ratio), _ten(1 / ratio)]]
+
+
+def _ten(value: float) -> float:
+    return float(f"{value:.10g}") + 0.0
+
+
 # -- TOML --------------------------------------------------------------------------------------------------------------
 
 
@@ -185,6 +200,10 @@ def _field_comments(found: Results) -> dict[str, list[str]]:
                 comments.setdefault(field, []).append(f"Not determined by these records: {each.name}{reason}.")
     if _rate(found) is None:
         comments.setdefault("plant.angular_rate", []).append("The end of the range of the shipped scenario.")
+    matrix = correction(found)
+    if matrix is not None:
+        words = f"A controller takes the pick-offs for equal: multiply what is measured by {matrix} before it."
+        comments.setdefault("device.pickoff_gain_error", []).append(words)
     relative = "Relative: no mass was given, so stiffness and damping are per 1 kg."
     if found.known.mass is None:
         comments["plant.mass"] = [relative]
