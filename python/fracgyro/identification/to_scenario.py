@@ -95,6 +95,7 @@ def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
         "device.pickoff_misalignment": seen,
         "device.force_misalignment": pushed,
         "adaptation.initial_ratio": 1.0,
+        **_in_seconds(base, linear),
         "controller.force_limit": linear.force_limit(base, base.plant.angular_rate if rate is None else rate),
     }
     if rate is not None:
@@ -106,6 +107,17 @@ def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
     if noise is not None:
         changes["device.position_noise_density"] = float(f"{noise:.4g}")
     return changes
+
+
+def _in_seconds(base: Scenario, linear: Linear) -> dict[str, Any]:
+    """Bandwidth and drifts of the shipped scenario, in units of the device's omega0."""
+    turn = base.plant.reference_frequency / linear.omega
+    values = {
+        "adaptation.rate_forgetting": base.adaptation.rate_forgetting,
+        "datasheet.stiffness_drift": base.datasheet.stiffness_drift,
+        "datasheet.damping_drift": base.datasheet.damping_drift,
+    }
+    return {name: float(f"{turn * value:.6g}") for name, value in values.items()}
 
 
 def noise_density(found: Results) -> float | None:
