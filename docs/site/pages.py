@@ -35,6 +35,7 @@ PAGES = {
     "how-to/studies": "docs/studies.md",
     "how-to/cluster": "docs/cluster.md",
     "how-to/record": "docs/record.md",
+    "how-to/data-sheet": "docs/data_sheet.md",
     "how-to/identify": "docs/identify.md",
     "how-to/compare": "docs/compare.md",
     "how-to/limit": "docs/limit.md",

@@ -205,6 +205,7 @@ NAMES = [
     "allan",
     "check",
     "compare",
+    "device",
     "diff",
     "explain",
     "export",

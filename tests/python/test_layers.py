@@ -224,6 +224,7 @@ LIBRARY = [
     ["simulation"],
     ["analysis", "export", "interop"],
     ["rate", "study"],
+    ["devices"],
     ["identification"],
     ["", "cli"],
     ["__main__"],

@@ -9,9 +9,15 @@ import click
 
 
 @click.command(name="schema")
-@click.argument("kind", type=click.Choice(["scenario", "study", "tuning"]))
-def schema_command(kind: Literal["scenario", "study", "tuning"]) -> None:
-    """Print the JSON Schema of a scenario or of a study. Editors check and complete TOML files with it."""
-    from ..study.json_schema import schema
+@click.argument("kind", type=click.Choice(["scenario", "study", "tuning", "identify"]))
+def schema_command(kind: Literal["scenario", "study", "tuning", "identify"]) -> None:
+    """Print the JSON Schema of a scenario or of a study, with which editors check TOML; or of identify.json."""
+    if kind == "identify":
+        from ..identification.json_schema import schema as of_identification
 
-    click.echo(json.dumps(schema(kind), indent=1, allow_nan=False))
+        content = of_identification()
+    else:
+        from ..study.json_schema import schema
+
+        content = schema(kind)
+    click.echo(json.dumps(content, indent=1, allow_nan=False))

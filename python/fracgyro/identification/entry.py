@@ -16,6 +16,7 @@ from .diagnostics import Test, tests
 from .faults import check_motion, prepared
 from .first_stage import Fitted, fit_segments
 from .found import Found
+from .json_schema import schema
 from .quantity import NORMAL, Quantity, modal
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
 from .results import Condition
@@ -55,6 +56,7 @@ class Identify:
     Sweep = Sweep
     Quantity = Quantity
     Found = Found
+    schema = staticmethod(schema)
 
     def __call__(
         self,
