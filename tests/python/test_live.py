@@ -429,6 +429,102 @@ def test_the_plots_draw_both_runs_and_their_cursor_shows_a_sample(browser: Any, 
         page.wait_for_function("!document.querySelector('caption').textContent.includes('at the cursor')")
 
 
+GAPS = """
+(canvas) => {
+  const { width, height, data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const color = (x, y) => data.slice(4 * (y * width + x), 4 * (y * width + x) + 3);
+  const near = (one, other) => other.every((part, k) => Math.abs(one[k] - part) < 60);
+  const drawn = [];
+  for (let x = 0; x < width; ++x) {
+    let found = false;
+    for (let y = 0; y < height && !found; ++y) {
+      found = [[0xc2, 0x4e, 0x00], [0xd9, 0x7b, 0x34]].some((wanted) => near(color(x, y), wanted));
+    }
+    drawn.push(found);
+  }
+  const part = drawn.slice(drawn.indexOf(true), drawn.lastIndexOf(true));
+  return [part.length, part.filter((found) => !found).length];
+}
+"""
+
+
+def test_curves_on_a_logarithmic_scale_have_no_gaps(browser: Any, address: str) -> None:
+    with opened(browser, address, "#order&speed=40&window=2", color_scheme="light") as page:
+        run_to(page, 3.0)
+        length, gaps = page.query_selector(".plot.tall canvas").evaluate(GAPS)
+        assert length > 500
+        assert gaps == 0
+
+
+def test_the_first_preset_reverses_the_rate_by_itself_until_it_is_moved(browser: Any, address: str) -> None:
+    with opened(browser, address, reduced_motion="no-preference") as page:
+        page.wait_for_function("document.getElementById('rate-value').textContent === '−100 rad/s'")
+        page.wait_for_function("document.getElementById('rate-value').textContent === '100 rad/s'")
+        page.keyboard.press(" ")
+        page.wait_for_function("document.getElementById('clock').textContent.includes('paused')")
+        assert page.evaluate("location.hash") in ("", "#follow")
+        sample = round(time(page) / 1e-3)
+        loop = fg.Loop(laws()["least_squares"][1])
+        for samples, rate in ((5_000, -100.0), (10_000, 100.0)):
+            loop.run(samples)
+            loop.set({"plant.angular_rate": rate})
+        at = loop.run(sample + 1 - 15_000).isel(time=-1)
+        assert str(float(value(page, "rate_estimate", "b"))) == digits(1e3 * float(at["rate_estimate"]))
+        page.fill("#rate", "-150")
+        page.focus("#plot-list")
+        run_to(page, time(page) + 15.0)
+        assert page.text_content("#rate-value") == "−150 rad/s"
+        assert float(value(page, "rate")) == -150.0
+    with opened(browser, address) as page:  # nothing moves by itself
+        run_to(page, 8.0)
+        assert float(value(page, "rate")) == 100.0
+
+
+def test_the_sentence_of_the_numbers_has_the_rms_of_the_time_shown(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&a=corrected&b=pid&speed=40") as page:
+        sample = run_to(page, 3.0)
+        sentence = page.text_content("#measured").replace("−", "-")
+    found = re.search(r"error of the rate A (\S+), B – rad/s; tracking error A (\S+), B (\S+) µm\.", sentence)
+    assert found
+    bins = slice(0, 10 * ((sample + 1) // 10))
+    first = fg.simulate(fg.Scenario.paper()).isel(time=bins)
+    second = fg.simulate(laws()["pid"][1]).isel(time=bins)
+    expected = [
+        np.sqrt((rate_error(first) ** 2).mean()),
+        *(np.sqrt((run["error"].values ** 2).sum(axis=1).mean()) for run in (first, second)),
+    ]
+    assert [float(number) for number in found.groups()] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_preset_chooses_the_large_plot_and_fills_it_in_three_seconds(
+    browser: Any, address: str, data_file: Path
+) -> None:
+    code = "console.log(JSON.stringify(presets.map((preset) => state.stateOf(preset))));"
+    states = {each["preset"]: each for each in json.loads(in_node(data_file, code))}
+    assert max(each["window"] / each["speed"] for each in states.values()) <= 3.0
+    titles = {"rate": "Angular rate", "error": "Tracking error", "force": "Force", "estimates": "Error of the"}
+    with opened(browser, address) as page:
+        for key in ("follow", "lqg", "lqg&plot=force", "long-step&plot=estimates"):
+            page.evaluate(f"location.hash = '{key}'")
+            preset, _, plot = key.partition("&plot=")
+            page.wait_for_selector(f'a[href="#{preset}"][aria-current]')
+            title = titles[plot or states[preset]["plot"]]
+            page.wait_for_function(f"document.querySelector('#plot-list .plot.tall').innerText.startsWith('{title}')")
+            assert page.locator("#plot-list .plot").first.inner_text().startswith(title)
+            assert page.locator("#plot-list .plot").count() == len(titles)
+
+
+def test_slider_and_plot_are_seen_together_on_a_phone(browser: Any, address: str) -> None:
+    with opened(browser, address, viewport={"width": 400, "height": 800}) as page:
+        assert page.locator("#scene").bounding_box()["height"] == pytest.approx(9 * 16)
+        for plot in (".plot.tall canvas", ".plot.timed canvas"):
+            page.evaluate(f"document.querySelector('{plot}').scrollIntoView({{ block: 'end' }})")
+            for what in ("#scene", "#rate", plot):
+                box = page.locator(what).bounding_box()
+                assert box["y"] >= 0, what
+                assert box["y"] + box["height"] <= 800, what
+
+
 def test_keys_play_step_tap_and_restart_and_reach_every_control(browser: Any, address: str) -> None:
     with opened(browser, address) as page:
         for _ in range(3):
@@ -601,7 +697,7 @@ def test_it_is_accessible_and_fits(browser: Any, address: str, scheme: str, widt
 
 
 def test_it_plays_by_itself_unless_motion_is_to_be_reduced_and_speaks(browser: Any, address: str) -> None:
-    with opened(browser, address, reduced_motion="no-preference") as page:
+    with opened(browser, address, "#lqg", reduced_motion="no-preference") as page:
         page.wait_for_function("document.getElementById('spoken').textContent.includes('estimate')")
         page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.1")
         said = page.text_content("#spoken")

@@ -4,6 +4,7 @@ export const CHANNELS = [
   "rate",
   "rate_estimate",
   "rate_deviation",
+  "rate_error",
   "error.x",
   "error.y",
   "control.x",
@@ -15,6 +16,7 @@ export const CHANNELS = [
   "reference.x",
   "reference.y",
 ];
+export const PER_CHANNEL = 5; // numbers of a bin, see history.mjs
 export const place = Object.fromEntries(CHANNELS.map((name, i) => [name, i]));
 
 const sizeOf = (xx, xy, yy) => Math.sqrt(xx * xx + 2 * xy * xy + yy * yy);
@@ -51,6 +53,7 @@ export function channelsOf(scenario, columns) {
     out[place.rate] = moving < 0 ? rate : rows[from + moving] * scale;
     out[place.rate_estimate] *= scale;
     out[place.rate_deviation] *= scale;
+    out[place.rate_error] = out[place.rate_estimate] - out[place.rate];
     out[place["error.x"]] = length * Math.abs(out[place["error.x"]]);
     out[place["error.y"]] = length * Math.abs(out[place["error.y"]]);
     out[place.stiffness_error] = stiffness(rows, from);

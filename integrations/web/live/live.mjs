@@ -6,6 +6,7 @@ import { Plot } from "./plot.mjs";
 import { presets } from "./presets.mjs";
 import { Scene, figureOf } from "./scene.mjs";
 import {
+  LARGE,
   NO_LAW,
   RUNS,
   WINDOWS,
@@ -45,6 +46,7 @@ let started = 0; // how often: what was asked for before is void
 let cursor = null;
 let figure = [];
 let dirty = true;
+let reversal = Infinity; // the sample at which the page reverses the rate by itself
 
 // -- The worker
 
@@ -52,8 +54,8 @@ const waiting = new Map();
 let asked = 0;
 let worker;
 
-function startWorker() {
-  const source = new Blob([$("worker").textContent], { type: "text/javascript" });
+async function startWorker() {
+  const source = new Blob([await unpacked("worker")], { type: "text/javascript" });
   worker = new Worker(URL.createObjectURL(source));
   worker.onmessage = ({ data: message }) => {
     const { resolve, reject } = waiting.get(message.id);
@@ -86,6 +88,7 @@ function problem(sentence) {
 
 // -- Running
 
+const presetOf = () => pages.find(({ key }) => key === state.preset);
 const runs = () => RUNS.filter((run) => state[run] !== NO_LAW);
 const stepOf = () => scenarios[0].settings["run.step"];
 // A unit of time in ms.
@@ -116,6 +119,9 @@ async function restart() {
   ended = wanted.map(() => null);
   [sample, owed, cursor] = [0, 0, null];
   figure = figureOf(wanted[0]);
+  const { reverses } = presetOf();
+  const acts = reverses && !still.matches && !Object.hasOwn(state.shared, "plant.angular_rate");
+  reversal = acts ? Math.round(reverses.first / milliseconds(1)) : Infinity;
   scene.restart(smallForce() / 2, unitOfTime());
   problem("");
   showRuns();
@@ -183,6 +189,18 @@ async function oneStep() {
   await advance(1);
 }
 
+// The preset acts: the state and the address stay as they are.
+async function reverse() {
+  if (sample < reversal) {
+    return; // restarted, or the visitor has moved the rate
+  }
+  const { every } = presetOf().reverses;
+  reversal += Math.round(every / milliseconds(1));
+  await tune("plant.angular_rate", -scenarios[0].settings["plant.angular_rate"]);
+  refreshed.forEach((field) => field.refresh());
+  showRate();
+}
+
 function kick(velocity) {
   ask("kick", { velocity }).catch((error) => problem(error.message));
 }
@@ -198,6 +216,7 @@ const restarts = (name) => Boolean(data.fields[name].fixed);
 // One of the settings of both runs, or of one.
 async function set(name, value, run) {
   const into = run ? state.own[run] : state.shared;
+  reversal = name === "plant.angular_rate" ? Infinity : reversal;
   const had = Object.hasOwn(into, name);
   const before = into[name];
   into[name] = value;
@@ -245,13 +264,17 @@ async function choose(name, key) {
 const refreshed = [];
 function refresh() {
   refreshed.forEach((field) => field.refresh());
+  showRate();
+  showSpeed();
+  remember();
+}
+
+function showRate() {
   const rate = valueOf("plant.angular_rate", "a");
   if (document.activeElement !== $("rate")) {
     $("rate").value = rate;
   }
   $("rate-value").textContent = `${String(rate).replace("-", "−")} rad/s`;
-  showSpeed();
-  remember();
 }
 
 function showSpeed() {
@@ -292,13 +315,15 @@ function build() {
     }),
   );
   $("shared").replaceChildren($("shared").firstElementChild, ...sharedFields(added));
-  $("sentence").textContent = pages.find(({ key }) => key === state.preset).sentence;
+  $("sentence").textContent = presetOf().sentence;
   for (const link of $("presets").querySelectorAll("a")) {
     const chosen = link.hash === `#${state.preset}`;
     chosen ? link.setAttribute("aria-current", "true") : link.removeAttribute("aria-current");
   }
   $("out").querySelectorAll("button")[B_AS_TOML].disabled = state.b === NO_LAW;
   $("window").value = state.window;
+  $("plot").value = state.plot;
+  arrange();
   $("peaks").checked = state.peaks;
   refresh();
 }
@@ -395,8 +420,9 @@ function sharedFields(added) {
 // -- Plots and numbers
 
 // Which channels, and how a run's line of each looks.
+// In the order of LARGE. On a logarithmic scale the second channel of a run has another shade instead of dashes.
 const PLOTS = [
-  { title: "Angular rate", unit: "in rad/s", tall: true, least: 20, curves: [["rate_estimate", "estimated"]] },
+  { title: "Angular rate", unit: "in rad/s", least: 20, curves: [["rate_estimate", "estimated"]] },
   { title: "Tracking error |e|", unit: "in µm", log: true, curves: [["error.x", "x"], ["error.y", "y"]] },
   { title: "Force u", unit: "in m ω₀² q₀", least: 2, curves: [["control.x", "x"], ["control.y", "y"]] },
   {
@@ -417,16 +443,30 @@ let plots = [];
 let legends = [];
 
 function buildPlots() {
-  plots = PLOTS.map(({ title, unit, tall, log, least }, i) => {
+  plots = PLOTS.map(({ title, unit, log, least }, i) => {
     const canvas = element("canvas", { role: "img", "aria-label": `${title} over time; the table has the numbers` });
     const legend = element("ul", { class: "legend" });
     const heading = element("h2", {}, title, element("small", {}, ` ${unit}`));
-    const classes = `plot${tall ? " tall" : ""}${i === PLOTS.length - 1 ? " timed" : ""}`;
-    $("plot-list").append(element("div", { class: classes }, heading, legend, canvas));
+    const box = element("div", { class: "plot" }, heading, legend, canvas);
     canvas.addEventListener("pointermove", ({ offsetX }) => moveCursor(plots[i].timeAt(offsetX, view())));
     canvas.addEventListener("pointerleave", () => moveCursor(null));
-    return Object.assign(new Plot(canvas, { log, least, times: i === PLOTS.length - 1 }), { legend });
+    return Object.assign(new Plot(canvas, { log, least }), { legend, box });
   });
+}
+
+// Puts the large plot first; it and the last one have an axis of time.
+function arrange() {
+  const large = plots[LARGE.indexOf(state.plot)];
+  const listed = [large, ...plots.filter((plot) => plot !== large)];
+  listed.forEach((plot, i) => {
+    const last = i === listed.length - 1;
+    plot.times = last || plot === large;
+    plot.box.className = `plot${plot === large ? " tall" : ""}${last ? " timed" : ""}`;
+  });
+  if (listed.some(({ box }, i) => $("plot-list").children[i] !== box)) {
+    $("plot-list").replaceChildren(...listed.map(({ box }) => box));
+  }
+  dirty = true;
 }
 
 // Its law, and what of that is set otherwise.
@@ -448,8 +488,8 @@ function showRuns() {
       PLOTS[i].curves.map(([channel, label], k) => ({
         run: at,
         channel: place[channel],
-        color: run,
-        dash: DASHES[at][k],
+        color: PLOTS[i].log && k > 0 ? `${run}-second` : run,
+        dash: PLOTS[i].log ? [] : DASHES[at][k],
         wide: k === 0,
         band: channel === "rate_estimate" ? place.rate_deviation : undefined,
         rare: channel === "rate_estimate" || channel.startsWith("control"),
@@ -461,9 +501,10 @@ function showRuns() {
       ...plot.curves.map(({ run, channel, color, dash, label, band }) => {
         const value = element("span");
         legends.push(() => {
-          const number = at(run, channel);
           const deviation = band === undefined ? NaN : at(run, band);
-          value.textContent = `${label} ${text(number)}${deviation > 0 ? ` ± ${text(deviation)}` : ""}`;
+          const rate = channel === place.rate_estimate || channel === place.rate;
+          const number = rate || cursor !== null ? text(at(run, channel)) : `RMS ${text(shownRms(run, channel))}`;
+          value.textContent = `${label} ${number}${deviation > 0 ? ` ± ${text(deviation)}` : ""}`;
         });
         return element("li", {}, swatch(color, dash), value);
       }),
@@ -525,6 +566,21 @@ const cursorBin = (run) =>
   Math.max(history.first(run), Math.min(history.count(run) - 1, Math.max(0, history.at(cursor))));
 const shownTime = () => (cursor === null ? milliseconds(sample - 1) : history.time(Math.max(0, cursorBin(0))));
 
+// Over the time shown.
+function shownRms(run, channel) {
+  const { from, to } = view();
+  return history.rms(run, channel, from, to);
+}
+
+// RMS of both runs over the time shown: momentary values may say the opposite of the curves.
+function measured() {
+  const number = (of) => text(of).replace("e-", "e−"); // which is not broken at the end of a line
+  const each = (of) => runs().map((run, i) => `${run.toUpperCase()} ${number(of(i))}`).join(", ");
+  const rate = each((run) => shownRms(run, place.rate_error));
+  const error = each((run) => Math.hypot(shownRms(run, place["error.x"]), shownRms(run, place["error.y"])));
+  return `RMS over the time shown: error of the rate ${rate} rad/s; tracking error ${error} µm.`;
+}
+
 function text(number) {
   if (!Number.isFinite(number)) {
     return "–";
@@ -548,6 +604,7 @@ function moveCursor(time) {
 
 function showNumbers() {
   legends.forEach((show) => show());
+  $("measured").textContent = measured();
   const ends = ended.flatMap((time, i) => {
     return time === null ? [] : [`Run ${runs()[i].toUpperCase()} diverged at ${time.toPrecision(4)} ms.`];
   });
@@ -562,7 +619,7 @@ function spoken() {
     const [estimate, deviation] = [points[i][place.rate_estimate], points[i][place.rate_deviation]];
     const band = deviation > 0 ? ` plus or minus ${text(deviation)}` : "";
     const rate = Number.isFinite(estimate) ? `estimate ${text(estimate)}${band}` : "no estimate";
-    const error = `error x ${text(points[i][place["error.x"]])} µm`;
+    const error = `RMS error x ${text(shownRms(i, place["error.x"]))} µm`;
     return ended[i] === null ? `run ${run.toUpperCase()} ${rate}, ${error}` : `run ${run.toUpperCase()} has diverged`;
   });
   return `t ${milliseconds(sample).toFixed(1)} ms: rate ${text(points[0][place.rate])}; ${parts.join("; ")}`;
@@ -578,10 +635,11 @@ function frame(now) {
   frameBefore = now;
   if (playing && !busy) {
     owed += (state.speed * seconds) / milliseconds(1);
-    const samples = Math.floor(owed);
+    const samples = Math.min(Math.floor(owed), Math.max(1, reversal - sample));
     if (samples > 0) {
       owed -= samples;
-      advance(samples);
+      const turns = sample + samples >= reversal;
+      advance(samples).then(() => turns && reverse());
     }
   }
   if (dirty && scenarios.length) {
@@ -603,7 +661,7 @@ function frame(now) {
 
 function readTheme() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["surface", "text", "muted", "grid", "a", "b"];
+  const names = ["surface", "text", "muted", "grid", "a", "b", "a-second", "b-second"];
   theme = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   dirty = true;
 }
@@ -667,6 +725,12 @@ function listen() {
   $("window").addEventListener("change", () => {
     state.window = Number($("window").value);
     dirty = true;
+    remember();
+  });
+  $("plot").append(...LARGE.map((key, i) => element("option", { value: key }, PLOTS[i].title)));
+  $("plot").addEventListener("change", () => {
+    state.plot = $("plot").value;
+    arrange();
     remember();
   });
   $("peaks").addEventListener("change", () => {
@@ -748,19 +812,11 @@ async function fromAddress() {
   problem(why);
 }
 
-async function unpacked(id) {
-  if (!("DecompressionStream" in window)) {
-    throw new Error("This page needs a browser of 2023 or later: this one cannot unpack it.");
-  }
-  const bytes = Uint8Array.from(atob($(id).textContent), (letter) => letter.charCodeAt(0));
-  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-}
-
 async function main() {
   data = JSON.parse(new TextDecoder().decode(await unpacked("data")));
   pages = data.presets ?? presets;
   readTheme();
-  startWorker();
+  await startWorker();
   await ask("load", { wasm: await unpacked("module"), data });
   $("presets").append(
     ...pages.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),

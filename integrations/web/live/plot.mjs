@@ -175,11 +175,12 @@ export class Plot {
     }
   }
 
-  // From the least to the largest of every column; on a logarithmic scale, where noise would fill it, only the largest.
+  // From the least to the largest of every column; on a logarithmic scale, where noise would fill it and gaps of dashes
+  // would look like lost data, only the largest, without dashes.
   // Dashes are of columns: those of a context follow every turn of the noise, at many times the cost. So does a line
   // that is wider than a pixel; a wide one is drawn twice.
   #curve(context, columns, origin, y, curve, theme, merged) {
-    const drawn = dashes(curve.dash);
+    const drawn = dashes(this.log ? [] : curve.dash);
     const bars = merged && !this.log;
     const heights = this.log ? columns.largest : columns.last;
     context.strokeStyle = theme[curve.color];

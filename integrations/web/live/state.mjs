@@ -4,6 +4,7 @@
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
 export const WINDOWS = [2, 5, 20, 80];
+export const LARGE = ["rate", "error", "force", "estimates"];
 const SHARED = ["plant", "reference", "disturbance", "run"];
 // Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
 // ways, are not offered.
@@ -23,7 +24,8 @@ export function stateOf(preset) {
     b: preset.b ?? NO_LAW,
     rate: preset.rate ?? "constant",
     sensors: preset.sensors ?? "exact",
-    speed: preset.speed ?? 2,
+    plot: preset.plot ?? "rate",
+    speed: preset.speed ?? 7,
     window: preset.window ?? 20,
     peaks: preset.peaks ?? false,
     shared: { ...preset.shared },
@@ -75,7 +77,7 @@ function parsed(field, text) {
 export function toHash(presets, state) {
   const preset = stateOf(presets.find(({ key }) => key === state.preset));
   const words = new URLSearchParams();
-  for (const name of ["a", "b", "rate", "sensors", "speed", "window", "peaks"]) {
+  for (const name of ["a", "b", "rate", "sensors", "plot", "speed", "window", "peaks"]) {
     if (state[name] !== preset[name]) {
       words.set(name, state[name]);
     }
@@ -125,6 +127,7 @@ function take(data, state, name, text) {
     b: [NO_LAW, ...laws],
     rate: Object.keys(data.rates),
     sensors: Object.keys(data.sensors),
+    plot: LARGE,
     window: WINDOWS.map(String),
     peaks: ["true", "false"],
   };

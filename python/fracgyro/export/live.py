@@ -208,8 +208,9 @@ def page(data: dict[str, Any], wasm: Path) -> str:
     source = FACE / "live"
     contents = {
         "live.css": (source / "live.css").read_text(encoding="utf-8"),
-        "live.mjs": bundled(source / "live.mjs"),
-        "worker.mjs": bundled(source / "worker.mjs"),
+        "boot.js": (source / "boot.js").read_text(encoding="utf-8"),
+        "live": packed(bundled(source / "live.mjs").encode()),
+        "worker": packed(bundled(source / "worker.mjs").encode()),
         "data": packed(json.dumps(data, allow_nan=False).encode()),
         "module": packed(wasm.read_bytes()),
     }
