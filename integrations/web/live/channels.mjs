@@ -35,11 +35,14 @@ function relative(scenario, columns, name) {
   };
 }
 
-// Returns a function that writes the channels of the row that starts at `from` to `out`. Rates are in the unit of the
-// setting, errors in µm; what a run does not have is NaN.
+export const PER_RADIAN = 180 / Math.PI; // degrees
+
+// Returns a function that writes the channels of the row that starts at `from` to `out`. Rates are in rad/s, or in
+// deg/s if the scenario says so; errors in µm; what a run does not have is NaN.
 export function channelsOf(scenario, columns) {
-  const scale = scenario.scales["plant.angular_rate"] ?? 1;
-  const rate = scenario.settings["plant.angular_rate"];
+  const shown = scenario.degrees ? PER_RADIAN : 1;
+  const scale = shown * (scenario.scales["plant.angular_rate"] ?? 1);
+  const rate = shown * scenario.settings["plant.angular_rate"];
   const moving = columns.indexOf("angular_rate");
   const stiffness = relative(scenario, columns, "stiffness");
   const damping = relative(scenario, columns, "damping");

@@ -1,15 +1,15 @@
 // The live page: playback, drawing and controls.
-import { CHANNELS, place } from "./channels.mjs";
+import { CHANNELS, PER_RADIAN, place } from "./channels.mjs";
 import { element, selectField, settingField, sliderField } from "./controls.mjs";
 import { History } from "./history.mjs";
 import { Plot } from "./plot.mjs";
 import { presets } from "./presets.mjs";
-import { Scene, figureOf } from "./scene.mjs";
+import { Scene, figureOf, periodOf } from "./scene.mjs";
 import {
   LARGE,
   NO_LAW,
   RUNS,
-  WINDOWS,
+  dataOf,
   fromHash,
   isOffered,
   isShared,
@@ -23,7 +23,7 @@ import {
   toToml,
 } from "./state.mjs";
 
-const BIN = 0.01; // width of the bins kept for the plots, units of time
+const STROBE = 1.5; // s on the screen for a period that is seen through a stroboscope
 const TAP = 20; // velocity added by a tap
 const SPOKEN_EVERY = 2000; // ms
 const SHOWN_EVERY = 100; // numbers, ms
@@ -32,7 +32,7 @@ const LONGEST_FRAME = 0.05; // s; where frames take longer, time slows down
 const $ = (id) => document.getElementById(id);
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
-let data, state, theme;
+let all, data, state, theme; // `data`: of the preset's gyroscope
 let pages = presets;
 let history = new History(0, 1, 1);
 let scenarios = [];
@@ -93,6 +93,8 @@ const runs = () => RUNS.filter((run) => state[run] !== NO_LAW);
 const stepOf = () => scenarios[0].settings["run.step"];
 // A unit of time in ms.
 const unitOfTime = () => 1e3 / (data.base.scales["plant.angular_rate"] ?? 1e3);
+const degrees = () => (data.degrees ? PER_RADIAN : 1);
+const unitOfRate = () => (data.degrees ? "deg/s" : "rad/s");
 const milliseconds = (samples) => samples * stepOf() * unitOfTime();
 
 // From t = 0, with the settings as they are. Returns whether they can be run.
@@ -100,9 +102,9 @@ async function restart() {
   const attempt = ++started;
   busy = true;
   const wanted = runs().map((run) => scenarioOf(data, state, run));
-  const bin = Math.max(1, Math.round(BIN / wanted[0].settings["run.step"]));
+  const bin = Math.max(1, Math.round(data.bin / wanted[0].settings["run.step"]));
   try {
-    await ask("start", { scenarios: wanted, bin });
+    await ask("start", { scenarios: wanted, bin, step: data.base.settings["run.step"] });
   } catch (error) {
     if (attempt === started) {
       busy = false;
@@ -166,7 +168,7 @@ async function taken(samples) {
 
 // Ωz in rad per unit of time.
 function turning() {
-  const rate = points[0][place.rate] / (scenarios[0].scales["plant.angular_rate"] ?? 1);
+  const rate = points[0][place.rate] / degrees() / (scenarios[0].scales["plant.angular_rate"] ?? 1);
   return still.matches ? 0 : rate;
 }
 
@@ -270,11 +272,11 @@ function refresh() {
 }
 
 function showRate() {
-  const rate = valueOf("plant.angular_rate", "a");
+  const rate = Number((degrees() * valueOf("plant.angular_rate", "a")).toPrecision(6));
   if (document.activeElement !== $("rate")) {
     $("rate").value = rate;
   }
-  $("rate-value").textContent = `${String(rate).replace("-", "−")} rad/s`;
+  $("rate-value").textContent = `${String(rate).replace("-", "−")} ${unitOfRate()}`;
 }
 
 function showSpeed() {
@@ -422,7 +424,7 @@ function sharedFields(added) {
 // Which channels, and how a run's line of each looks.
 // In the order of LARGE. On a logarithmic scale the second channel of a run has another shade instead of dashes.
 const PLOTS = [
-  { title: "Angular rate", unit: "in rad/s", least: 20, curves: [["rate_estimate", "estimated"]] },
+  { title: "Angular rate", unit: "", least: 20, curves: [["rate_estimate", "estimated"]] },
   { title: "Tracking error |e|", unit: "in µm", log: true, curves: [["error.x", "x"], ["error.y", "y"]] },
   { title: "Force u", unit: "in m ω₀² q₀", least: 2, curves: [["control.x", "x"], ["control.y", "y"]] },
   {
@@ -446,11 +448,12 @@ function buildPlots() {
   plots = PLOTS.map(({ title, unit, log, least }, i) => {
     const canvas = element("canvas", { role: "img", "aria-label": `${title} over time; the table has the numbers` });
     const legend = element("ul", { class: "legend" });
-    const heading = element("h2", {}, title, element("small", {}, ` ${unit}`));
+    const small = element("small", {}, unit); // that of a rate depends on the gyroscope
+    const heading = element("h2", {}, title, " ", small);
     const box = element("div", { class: "plot" }, heading, legend, canvas);
     canvas.addEventListener("pointermove", ({ offsetX }) => moveCursor(plots[i].timeAt(offsetX, view())));
     canvas.addEventListener("pointerleave", () => moveCursor(null));
-    return Object.assign(new Plot(canvas, { log, least }), { legend, box });
+    return Object.assign(new Plot(canvas, { log, least }), { legend, box, small });
   });
 }
 
@@ -510,6 +513,7 @@ function showRuns() {
       }),
     );
   });
+  plots[0].small.textContent = `in ${unitOfRate()}`;
   showLimits();
   const cells = names.map((run) => element("th", { scope: "col" }, run.toUpperCase()));
   const table = $("now").querySelector("table");
@@ -527,9 +531,9 @@ function showLimits() {
 }
 
 const VALUES = [
-  ["rate", "true angular rate", "rad/s"],
-  ["rate_estimate", "estimated angular rate", "rad/s"],
-  ["rate_deviation", "its standard deviation", "rad/s"],
+  ["rate", "true angular rate", "rate"],
+  ["rate_estimate", "estimated angular rate", "rate"],
+  ["rate_deviation", "its standard deviation", "rate"],
   ["error.x", "tracking error |x|", "µm"],
   ["error.y", "tracking error |y|", "µm"],
   ["control.x", "force x", "m ω₀² q₀"],
@@ -543,7 +547,8 @@ function valueRow(channel, words, unit, names) {
     legends.push(() => (cell.textContent = text(at(i, place[channel]))));
     return cell;
   });
-  return element("tr", {}, element("th", { scope: "row" }, unit ? `${words}, ${unit}` : words), ...cells);
+  const shown = unit === "rate" ? unitOfRate() : unit;
+  return element("tr", {}, element("th", { scope: "row" }, shown ? `${words}, ${shown}` : words), ...cells);
 }
 
 function swatch(color, dash) {
@@ -578,7 +583,7 @@ function measured() {
   const each = (of) => runs().map((run, i) => `${run.toUpperCase()} ${number(of(i))}`).join(", ");
   const rate = each((run) => shownRms(run, place.rate_error));
   const error = each((run) => Math.hypot(shownRms(run, place["error.x"]), shownRms(run, place["error.y"])));
-  return `RMS over the time shown: error of the rate ${rate} rad/s; tracking error ${error} µm.`;
+  return `RMS over the time shown: error of the rate ${rate} ${unitOfRate()}; tracking error ${error} µm.`;
 }
 
 function text(number) {
@@ -646,7 +651,9 @@ function frame(now) {
     dirty = false;
     const seen = view();
     plots.forEach((plot) => plot.draw(history, seen, theme));
-    scene.draw(history, points, figure, theme);
+    const seenRate = degrees() * valueOf("plant.angular_rate", "a");
+    const turned = (Number.isFinite(points[0][place.rate]) ? points[0][place.rate] : seenRate) / Number($("rate").max);
+    scene.draw(history, seenPoints(), figure, theme, turned);
     if (!(playing || busy) || now - shownAt >= SHOWN_EVERY) {
       shownAt = now;
       showNumbers();
@@ -659,9 +666,32 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
+// What the scene shows: a mass that moves faster than frames, as through a stroboscope, which shows each time a little
+// more of a period.
+function seenPoints() {
+  const period = periodOf(scenarios[0]) * unitOfTime();
+  const shown = sample * milliseconds(1);
+  if (!playing || state.speed < 5 * period || history.count(0) < 2) {
+    return points;
+  }
+  const phase = (performance.now() / 1e3 / STROBE) % 1;
+  const time = (Math.floor(shown / period - phase) + phase) * period - period;
+  return points.map((point, run) => {
+    const at = (time + history.step) / history.bin - 1; // between two bins
+    const i = Math.floor(at);
+    if (i < history.first(run) || i + 1 >= history.count(run)) {
+      return point;
+    }
+    return point.map((_, channel) => {
+      const [one, next] = [history.last(run, channel, i), history.last(run, channel, i + 1)];
+      return one + (at - i) * (next - one);
+    });
+  });
+}
+
 function readTheme() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["surface", "text", "muted", "grid", "a", "b", "a-second", "b-second"];
+  const names = ["surface", "text", "muted", "grid", "accent", "a", "b", "a-second", "b-second"];
   theme = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   dirty = true;
 }
@@ -705,13 +735,13 @@ function buildOut() {
 // -- Events
 
 function listen() {
-  const setRate = (rate) => set("plant.angular_rate", rate);
+  const setRate = (rate) => set("plant.angular_rate", rate); // rad/s
   const rate = () => valueOf("plant.angular_rate", "a");
   $("play").addEventListener("click", () => (playing ? pause() : play()));
   $("step").addEventListener("click", oneStep);
   $("restart").addEventListener("click", restart);
   $("kick").addEventListener("click", () => kick([TAP, 0]));
-  $("rate").addEventListener("input", () => setRate(Number($("rate").value)));
+  $("rate").addEventListener("input", () => setRate(Number($("rate").value) / degrees()));
   $("rate-double").addEventListener("click", () => setRate(2 * rate()));
   $("rate-reverse").addEventListener("click", () => setRate(-rate()));
   $("rate-zero").addEventListener("click", () => setRate(0));
@@ -720,8 +750,6 @@ function listen() {
     showSpeed();
     remember();
   });
-  const label = (units) => `${Number((units * unitOfTime()).toPrecision(3))} ms`;
-  $("window").append(...WINDOWS.map((units) => element("option", { value: units }, label(units))));
   $("window").addEventListener("change", () => {
     state.window = Number($("window").value);
     dirty = true;
@@ -785,24 +813,28 @@ function onArrow(event) {
   }
 }
 
-// The ranges of a page of one scenario.
-function showOwn() {
-  const rate = Math.abs(data.base.settings["plant.angular_rate"]);
+// The ranges for the preset's gyroscope.
+function showRanges() {
+  const rate = degrees() * Math.abs(data.base.settings["plant.angular_rate"]);
   const most = Number((3 * rate || 300).toPrecision(2));
   Object.assign($("rate"), { min: -most, max: most, step: most / 300 });
   Object.assign($("speed"), { min: Math.log10(data.speeds.minimum), max: Math.log10(data.speeds.maximum) });
   plots[0].least = Math.min(20, 0.2 * rate || 20);
+  const label = (units) => `${Number((units * unitOfTime()).toPrecision(3))} ms`;
+  $("window").replaceChildren(...data.windows.map((units) => element("option", { value: units }, label(units))));
 }
 
 // Shows the page of the address; if there is no such page, the first preset and the reason.
 async function fromAddress() {
   let why = "";
   try {
-    state = fromHash(data, pages, location.hash);
+    state = fromHash(all, pages, location.hash);
   } catch (error) {
     why = error.message;
     state = stateOf(pages[0]);
   }
+  data = dataOf(all, pages, state);
+  showRanges();
   if (!(await restart())) {
     why = $("problem").textContent;
     state = stateOf(pages.find(({ key }) => key === state.preset));
@@ -813,20 +845,17 @@ async function fromAddress() {
 }
 
 async function main() {
-  data = JSON.parse(new TextDecoder().decode(await unpacked("data")));
-  pages = data.presets ?? presets;
+  all = JSON.parse(new TextDecoder().decode(await unpacked("data")));
+  pages = all.presets ?? presets;
   readTheme();
   await startWorker();
-  await ask("load", { wasm: await unpacked("module"), data });
+  await ask("load", { wasm: await unpacked("module"), data: all });
   $("presets").append(
     ...pages.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),
   );
-  $("version").textContent = `fracgyro ${data.version}`;
+  $("version").textContent = `fracgyro ${all.version}`;
   buildPlots();
   buildOut();
-  if (data.own) {
-    showOwn();
-  }
   listen();
   await fromAddress();
   requestAnimationFrame(frame);

@@ -1,6 +1,7 @@
 // The presets of the page: two controllers, settings, and one sentence, which tests/python/test_live.py checks on runs.
-// `shared`: settings of both runs; `own`: settings of one. `plot`: the large one. `reverses`: when the page
-// reverses the rate by itself, and how often, ms, until the visitor moves it. #key is the preset's address.
+// #key is the preset's address. `gyroscope`: another than the paper's. `shared`: settings of both runs; `own`: settings
+// of one. `plot`: the large one. `reverses`: when the page reverses the rate by itself, and how often, ms, until the
+// visitor moves it.
 export const presets = [
   {
     key: "follow",
@@ -11,6 +12,19 @@ export const presets = [
     a: "printed",
     b: "least_squares",
     reverses: { first: 5, every: 10 },
+  },
+  {
+    key: "dual-mass",
+    title: "300 deg/s",
+    sentence:
+      "A silicon gyroscope at 300 deg/s, from noisy positions: after 10 ms a Kalman filter (A) has the rate to " +
+      "0.2 deg/s, the paper's adaptation laws (B) only to hundreds; a reversal throws both off.",
+    gyroscope: "dual_mass",
+    a: "own",
+    b: "gradient",
+    speed: 14.2,
+    window: 1000,
+    reverses: { first: 25, every: 40 },
   },
   {
     key: "thrown",

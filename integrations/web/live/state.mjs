@@ -3,7 +3,6 @@
 
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
-export const WINDOWS = [2, 5, 20, 80];
 export const LARGE = ["rate", "error", "force", "estimates"];
 const SHARED = ["plant", "reference", "disturbance", "run"];
 // Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
@@ -33,6 +32,12 @@ export function stateOf(preset) {
   };
 }
 
+// The data of the gyroscope of a preset.
+export function dataOf(data, presets, { preset }) {
+  const { gyroscope } = presets.find(({ key }) => key === preset);
+  return gyroscope ? { ...data, ...data.gyroscopes[gyroscope] } : data;
+}
+
 export const kindOf = (data, state, run) => data.laws[state[run]].settings["controller.kind"];
 
 // Names of the settings of a run, in the core's order.
@@ -56,7 +61,10 @@ export function scenarioOf(data, state, run) {
   const assumed = Object.fromEntries(
     Object.entries(data.base.assumed).map(([name, usual]) => [name, settings[`datasheet.${name}`] ?? usual]),
   );
-  const given = Object.entries({ length, device, reference, disturbance, assumed }).filter(([, each]) => each);
+  const { degrees } = data; // unit of the rates shown
+  const given = Object.entries({ length, device, reference, disturbance, assumed, degrees }).filter(
+    ([, each]) => each,
+  );
   return { settings: own, scales, ...Object.fromEntries(given) };
 }
 
@@ -96,9 +104,10 @@ export function toHash(presets, state) {
 }
 
 // Throws RangeError, in one sentence, for what no page can show. Ranges of settings are checked where they are used.
-export function fromHash(data, presets, hash) {
+export function fromHash(all, presets, hash) {
   const [key, ...rest] = hash.replace(/^#/, "").split("&");
   const state = stateOf(chosen(presets, "preset", key || presets[0].key));
+  const data = dataOf(all, presets, state);
   for (const [name, text] of new URLSearchParams(rest.join("&"))) {
     take(data, state, name, text);
   }
@@ -128,7 +137,7 @@ function take(data, state, name, text) {
     rate: Object.keys(data.rates),
     sensors: Object.keys(data.sensors),
     plot: LARGE,
-    window: WINDOWS.map(String),
+    window: data.windows.map(String),
     peaks: ["true", "false"],
   };
   if (Object.hasOwn(choices, name)) {
@@ -212,8 +221,9 @@ function toml(value) {
 export function toCommand(data, state, run) {
   const { own } = data;
   const changes = differing(data, state, run, own ? ofFile(data, state, run) : data.defaults.command);
-  if (own && state[run] !== own.law) {
-    changes.unshift(["controller.kind", kindOf(data, state, run)]);
+  if (own) {
+    const toLaw = Object.entries(data.laws[state[run]].changes).map(([path, value]) => [path, toml(value)]);
+    changes.unshift(...toLaw);
   }
   const words = changes.map(([path, value]) => {
     const change = `${path}=${value.replace(/^"(\w+)"$/, "$1")}`;

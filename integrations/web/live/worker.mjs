@@ -8,7 +8,6 @@ import { CHANNELS, PER_CHANNEL, channelsOf } from "./channels.mjs";
 const KEPT = 8192; // rows of a run for the CSV file, one of each bin
 
 let fracgyro;
-let step; // which the numbers of a device are for
 let runs = [];
 let binSamples = 1;
 
@@ -99,10 +98,10 @@ class Run {
 const answer = {
   async load({ wasm, data }) {
     fracgyro = await load({ wasm, data });
-    step = data.base.settings["run.step"];
   },
 
-  async start({ scenarios, bin }) {
+  // step: the one that the numbers of a device are for.
+  async start({ scenarios, bin, step }) {
     const started = ({ settings, ...rest }) =>
       fracgyro.loop({ ...rest, settings: { ...settings, "run.step": step } }, { "run.step": settings["run.step"] });
     const loops = await Promise.all(scenarios.map(started));
