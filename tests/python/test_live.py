@@ -194,6 +194,16 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
     assert deviation(filtered, 20.0) == pytest.approx(5.0, rel=0.1)
     assert rms_rate(filtered, 17.0) < 10.0  # D and K are learned until then
 
+    deviations = []
+    for scenario in preset_runs.pop("allan"):
+        numbers = rate_error(fg.simulate(scenario.replace({"run.duration": 140.0, "run.record_every": 10})))[6_000:]
+        deviations.append(allan_deviation(numbers, [1, 10, 30, 100, 150, 300, 1000]))
+    kalman, squares = deviations
+    assert (kalman < 4.0).all()
+    assert 30.0 < squares[3] < 45.0
+    assert 30.0 < squares[4] < 45.0
+    assert squares.max() < 45.0
+
     corrected, least_squares = run("quiet")
     with_noise = fg.simulate(fg.Scenario.paper().replace({"run.duration": 42.0}))
     assert np.abs(rate_error(least_squares)[1000:]).max() < 0.1
@@ -222,6 +232,39 @@ def rms_rate(run: xr.Dataset, begin: float) -> float:
 
 def rms_of(numbers: np.ndarray) -> float:
     return float(np.sqrt((numbers**2).mean()))
+
+
+def allan_deviation(numbers: np.ndarray, sizes: list[int]) -> np.ndarray:
+    """Overlapping, at averages of these numbers of samples."""
+    found = []
+    for size in sizes:
+        means = np.lib.stride_tricks.sliding_window_view(numbers, size).mean(axis=1)
+        found.append(np.sqrt(((means[size:] - means[:-size]) ** 2).mean() / 2))
+    return np.array(found)
+
+
+def test_spectrum_and_allan_deviation_are_those_of_numpy(data_file: Path) -> None:
+    numbers = np.cumsum(np.random.default_rng(5).normal(size=5_000)) / 50 + np.sin(np.arange(5_000) / 3)
+    code = f"""
+    const {{ allan, spectrum }} = await import(folder + "/live/spectra.mjs");
+    const numbers = {numbers.tolist()};
+    const few = [allan([1, 2, 3], 0.5), spectrum([1, 2, 3], 0.5)];
+    console.log(JSON.stringify([allan(numbers, 0.5), spectrum(numbers, 0.5), few]));
+    """
+    deviations, densities, few = json.loads(in_node(data_file, code))
+    assert few == [[], []]
+    times, found = np.array(deviations).T
+    assert (times[0], times[-1]) == (0.5, pytest.approx(500.0, rel=0.3))
+    np.testing.assert_allclose(found, allan_deviation(numbers, [round(2 * time) for time in times]), rtol=1e-9)
+    length = 1024
+    window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
+    starts = range(0, len(numbers) - length + 1, length // 2)
+    parts = np.array([numbers[start : start + length] for start in starts])
+    power = np.abs(np.fft.rfft(window * (parts - parts.mean(axis=1, keepdims=True)))) ** 2
+    expected = np.sqrt(2 * 0.5 * power.mean(axis=0) / (window**2).sum())
+    frequencies, found = np.array(densities).T
+    np.testing.assert_allclose(frequencies, np.fft.rfftfreq(length, 0.5)[2:-1])
+    np.testing.assert_allclose(found, expected[2:-1], rtol=1e-9)
 
 
 WRONG = {
@@ -555,15 +598,26 @@ def test_a_preset_chooses_the_large_plot_and_fills_it_in_three_seconds(
     states = {each["preset"]: each for each in json.loads(in_node(data_file, code))}
     assert max(each["seconds"] for each in states.values()) <= 3.0
     titles = {"rate": "Angular rate", "error": "Tracking error", "force": "Force", "estimates": "Error of the"}
+    views = {"spectrum": "Spectrum of the rate's error", "allan": "Allan deviation of the rate's error"}
     with opened(browser, address) as page:
-        for key in ("follow", "lqg", "lqg&plot=force", "long-step&plot=estimates"):
+        for key in ("follow", "lqg", "allan", "lqg&plot=force", "sensors&plot=spectrum", "long-step&plot=estimates"):
             page.evaluate(f"location.hash = '{key}'")
             preset, _, plot = key.partition("&plot=")
             page.wait_for_selector(f'a[href="#{preset}"][aria-current]')
-            title = titles[plot or states[preset]["plot"]]
-            page.wait_for_function(f"document.querySelector('#plot-list .plot.tall').innerText.startsWith('{title}')")
+            large = plot or states[preset]["plot"]
+            title = (titles | views)[large]
+            begins = f"innerText.startsWith({json.dumps(title)})"
+            page.wait_for_function(f"document.querySelector('#plot-list .plot.tall').{begins}")
             assert page.locator("#plot-list .plot").first.inner_text().startswith(title)
-            assert page.locator("#plot-list .plot").count() == len(titles)
+            assert page.locator("#plot-list .plot").count() == len(titles) + (large in views)
+
+
+def test_spectrum_and_allan_deviation_are_drawn_of_both_runs(browser: Any, address: str) -> None:
+    for view in ("allan", "spectrum"):
+        with opened(browser, address, f"#allan&plot={view}&speed=40", color_scheme="light") as page:
+            run_to(page, 5.0)
+            page.wait_for_timeout(100)
+            assert min(page.query_selector(".plot.tall canvas").evaluate(DRAWN)) > 200
 
 
 def test_slider_and_plot_are_seen_together_on_a_phone(browser: Any, address: str) -> None:

@@ -2,9 +2,10 @@
 import { CHANNELS, PER_RADIAN, place } from "./channels.mjs";
 import { element, selectField, settingField, sliderField } from "./controls.mjs";
 import { History } from "./history.mjs";
-import { Plot } from "./plot.mjs";
+import { Plot, drawLogLog } from "./plot.mjs";
 import { presets } from "./presets.mjs";
 import { Scene, figureOf, periodOf } from "./scene.mjs";
+import { allan, errorsOf, spectrum } from "./spectra.mjs";
 import {
   LARGE,
   NO_LAW,
@@ -27,6 +28,7 @@ const STROBE = 1.5; // s on the screen for a period that is seen through a strob
 const TAP = 20; // velocity added by a tap
 const SPOKEN_EVERY = 2000; // ms
 const SHOWN_EVERY = 100; // numbers, ms
+const VIEWED_EVERY = 250; // spectrum and Allan deviation, ms
 const LONGEST_FRAME = 0.05; // s; where frames take longer, time slows down
 
 const $ = (id) => document.getElementById(id);
@@ -434,6 +436,12 @@ const PLOTS = [
     curves: [["stiffness_error", "K"], ["damping_error", "D"]],
   },
 ];
+// Views of the error of the rate over the time shown; drawn only if they are the large plot.
+const VIEWS = [
+  { title: "Spectrum of the rate's error", of: spectrum, per: "/√Hz over the frequency", unit: "Hz" },
+  { title: "Allan deviation of the rate's error", of: allan, per: " over the averaging time", unit: "s" },
+];
+const TITLES = [...PLOTS, ...VIEWS].map(({ title }) => title); // in the order of LARGE
 const FORCE = 2;
 const DASHES = [
   [[], [3, 3]],
@@ -442,6 +450,7 @@ const DASHES = [
 const TRUE_RATE = { run: 0, channel: place.rate, color: "text", dash: [4, 3], wide: false, label: "true" };
 
 let plots = [];
+let views = [];
 let legends = [];
 
 function buildPlots() {
@@ -455,11 +464,26 @@ function buildPlots() {
     canvas.addEventListener("pointerleave", () => moveCursor(null));
     return Object.assign(new Plot(canvas, { log, least }), { legend, box, small });
   });
+  views = VIEWS.map((view) => {
+    const canvas = element("canvas", { role: "img", "aria-label": `${view.title}, of each run` });
+    const small = element("small");
+    const box = element("div", { class: "plot tall" }, element("h2", {}, view.title, " ", small), canvas);
+    return { ...view, canvas, small, box };
+  });
+}
+
+// Draws the spectrum or the Allan deviation, of the time shown.
+function drawView({ canvas, of, unit }, { from, to }) {
+  const curves = runs().map((color, run) => {
+    const numbers = errorsOf(history, run, place.rate_error, from, to);
+    return { points: of(numbers, history.bin / 1e3), color, wide: true };
+  });
+  drawLogLog(canvas, curves, unit, theme);
 }
 
 // Puts the large plot first; it and the last one have an axis of time.
 function arrange() {
-  const large = plots[LARGE.indexOf(state.plot)];
+  const large = [...plots, ...views][LARGE.indexOf(state.plot)];
   const listed = [large, ...plots.filter((plot) => plot !== large)];
   listed.forEach((plot, i) => {
     const last = i === listed.length - 1;
@@ -514,6 +538,7 @@ function showRuns() {
     );
   });
   plots[0].small.textContent = `in ${unitOfRate()}`;
+  views.forEach(({ small, per }) => (small.textContent = `in ${unitOfRate()}${per}`));
   showLimits();
   const cells = names.map((run) => element("th", { scope: "col" }, run.toUpperCase()));
   const table = $("now").querySelector("table");
@@ -633,7 +658,7 @@ function spoken() {
 // -- Frames
 
 const scene = new Scene($("scene"));
-let [frameBefore, shownAt, spokenAt] = [0, 0, 0];
+let [frameBefore, shownAt, spokenAt, viewedAt] = [0, 0, 0, 0];
 
 function frame(now) {
   const seconds = Math.min((now - frameBefore) / 1e3, LONGEST_FRAME);
@@ -651,6 +676,11 @@ function frame(now) {
     dirty = false;
     const seen = view();
     plots.forEach((plot) => plot.draw(history, seen, theme));
+    const shownView = views[LARGE.indexOf(state.plot) - plots.length];
+    if (shownView && (!playing || now - viewedAt >= VIEWED_EVERY)) {
+      viewedAt = now;
+      drawView(shownView, seen);
+    }
     const seenRate = degrees() * valueOf("plant.angular_rate", "a");
     const turned = (Number.isFinite(points[0][place.rate]) ? points[0][place.rate] : seenRate) / Number($("rate").max);
     scene.draw(history, seenPoints(), figure, theme, turned);
@@ -755,7 +785,7 @@ function listen() {
     dirty = true;
     remember();
   });
-  $("plot").append(...LARGE.map((key, i) => element("option", { value: key }, PLOTS[i].title)));
+  $("plot").append(...LARGE.map((key, i) => element("option", { value: key }, TITLES[i])));
   $("plot").addEventListener("change", () => {
     state.plot = $("plot").value;
     arrange();

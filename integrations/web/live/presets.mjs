@@ -87,6 +87,19 @@ export const presets = [
     plot: "error",
   },
   {
+    key: "allan",
+    title: "Allan deviation",
+    sentence:
+      "From noisy positions, least squares (B) swing with the motion: 40 rad/s at 1 to 2 ms of averaging. A Kalman " +
+      "filter (A), once it has learned D and K, stays below 4 rad/s at any time of averaging.",
+    a: "joint",
+    b: "least_squares",
+    sensors: "positions",
+    plot: "allan",
+    speed: 27,
+    window: 80,
+  },
+  {
     key: "lqg",
     title: "Another controller",
     sentence:

@@ -3,7 +3,7 @@
 
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
-export const LARGE = ["rate", "error", "force", "estimates"];
+export const LARGE = ["rate", "error", "force", "estimates", "spectrum", "allan"]; // plots that can be large
 const SHARED = ["plant", "reference", "disturbance", "run"];
 // Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
 // ways, are not offered.
