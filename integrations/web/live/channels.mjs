@@ -38,7 +38,7 @@ function relative(scenario, columns, name) {
 export const PER_RADIAN = 180 / Math.PI; // degrees
 
 // Returns a function that writes the channels of the row that starts at `from` to `out`. Rates are in rad/s, or in
-// deg/s if the scenario says so; errors in µm; what a run does not have is NaN.
+// deg/s if the scenario states `degrees`; errors in µm; what a run does not have is NaN.
 export function channelsOf(scenario, columns) {
   const shown = scenario.degrees ? PER_RADIAN : 1;
   const scale = shown * (scenario.scales["plant.angular_rate"] ?? 1);

@@ -696,8 +696,8 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
-// What the scene shows: a mass that moves faster than frames, as through a stroboscope, which shows each time a little
-// more of a period.
+// Points for the scene: a mass that is faster than frames is seen as through a stroboscope, each time a little more
+// of a period later.
 function seenPoints() {
   const period = periodOf(scenarios[0]) * unitOfTime();
   const shown = sample * milliseconds(1);

@@ -5,7 +5,7 @@ import { place } from "./channels.mjs";
 
 const REACH = 1.75; // from the middle to the frame, in units of q0
 const FASTEST = 0.6; // the frame's turning on the screen, rad/s
-const HALF = 0.4; // of the mass's side
+const HALF = 0.4; // side of the mass, halved
 const FINGER = 0.22; // length of the combs' fingers
 const PITCH = 0.16; // from one finger to the next
 const ARC = 2.42; // radius of the arc of the rate

@@ -1,7 +1,7 @@
 // Two views of the error of the estimated rate: its power spectrum and its Allan deviation, from means of equal bins.
 
-const SEGMENTS = 8; // of the record, at least, half of each also in the next: the spectrum is their average
-const LONGEST = 2048; // bins of a segment
+const SEGMENTS = 8; // at least; each overlaps the next by half, and the spectrum is their average
+const LONGEST = 2048; // maximum number of bins in a segment
 const FEWEST = 32; // bins; with less there is no view
 
 // The means of a run's bins from one time to another, without those that have no estimate.
