@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import subprocess
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ from fracgyro.cli.simulate import _change
 from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data, write_page
 from fracgyro.export.web import build, document
 from fracgyro.scenario.kinds import KINDS
+from matplotlib import image
 
 # -- The page's state, in node -------------------------------------------------------------------------------------
 
@@ -767,6 +769,25 @@ def test_the_csv_file_has_the_numbers_of_the_run(browser: Any, address: str, tmp
         expected = fg.simulate(scenario).isel(time=samples)
         np.testing.assert_array_equal(columns[f"{run}.error.x"], expected["error"].values[:, 0])
         np.testing.assert_array_equal(columns[f"{run}.control.y"], expected["control"].values[:, 1])
+
+
+def test_the_picture_shows_the_scene_and_the_large_plot_and_the_page_links_back(
+    browser: Any, address: str, tmp_path: Path
+) -> None:
+    with opened(browser, address, "#order&speed=40", color_scheme="light") as page:
+        run_to(page, 0.5)
+        with page.expect_download() as saved:
+            page.get_by_text("Save a picture").click()
+        saved.value.save_as(tmp_path / "seen.png")
+        widths = [page.locator(canvas).bounding_box()["width"] for canvas in ("#scene", ".plot.tall canvas")]
+        documentation = page.locator("footer a").get_attribute("href")
+    picture = image.imread(tmp_path / "seen.png")
+    assert picture.shape[1] == pytest.approx(sum(widths) + 48, abs=2)
+    near = np.abs(picture[:, :, :3] - np.array([0x00, 0x64, 0xA6]) / 255).max(axis=2) < 0.1
+    for part in (near[72:, : round(widths[0])], near[72:, round(widths[0]) + 100 :]):
+        assert part.sum() > 100
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert documentation == project["urls"]["Documentation"]
 
 
 def test_the_copied_scenario_is_that_of_the_run(browser: Any, address: str) -> None:

@@ -743,8 +743,37 @@ async function copy(words, what) {
 async function saveSeen() {
   const { from } = view();
   const { text: content } = await ask("csv", { since: Math.round(from / milliseconds(1)), step: stepOf() });
-  const url = URL.createObjectURL(new Blob([content], { type: "text/csv" }));
-  element("a", { href: url, download: "fracgyro.csv" }).click();
+  save(new Blob([content], { type: "text/csv" }), "fracgyro.csv");
+}
+
+// Saves the scene and the large plot, with the runs and their RMS above, as a PNG file.
+async function savePicture() {
+  const large = [...plots, ...views][LARGE.indexOf(state.plot)];
+  const ratio = window.devicePixelRatio || 1;
+  const [plot, drawn] = [large.canvas, scene.canvas];
+  const gap = 16 * ratio;
+  const head = 72 * ratio;
+  const picture = element("canvas", {
+    width: plot.width + drawn.width + 3 * gap,
+    height: Math.max(plot.height, drawn.height) + head + gap,
+  });
+  const context = picture.getContext("2d");
+  context.fillStyle = theme.surface;
+  context.fillRect(0, 0, picture.width, picture.height);
+  context.drawImage(drawn, gap, head);
+  context.drawImage(plot, drawn.width + 2 * gap, head);
+  context.fillStyle = theme.text;
+  const labels = runs().map((run) => `${run.toUpperCase()}: ${described(run)}`).join("   ");
+  [`fracgyro: ${presetOf().title}, ${TITLES[LARGE.indexOf(state.plot)]}`, labels, measured()].forEach((words, i) => {
+    context.font = `${i ? "" : "bold "}${13 * ratio}px system-ui, sans-serif`;
+    context.fillText(words, gap, (20 + 20 * i) * ratio, picture.width - 2 * gap);
+  });
+  save(await new Promise((resolve) => picture.toBlob(resolve)), "fracgyro.png");
+}
+
+function save(blob, name) {
+  const url = URL.createObjectURL(blob);
+  element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 1000);
 }
 
@@ -759,6 +788,7 @@ function buildOut() {
     button("Copy A as TOML", () => copy(toToml(data, state, "a"), "The scenario was")),
     button("Copy B as TOML", () => copy(toToml(data, state, "b"), "The scenario was")),
     button("Save what is seen as CSV", saveSeen),
+    button("Save a picture", savePicture),
   );
 }
 
