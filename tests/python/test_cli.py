@@ -206,6 +206,7 @@ NAMES = [
     "check",
     "compare",
     "diff",
+    "enter",
     "explain",
     "export",
     "identify",

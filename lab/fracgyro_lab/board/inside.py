@@ -1,0 +1,136 @@
+"""The process of a law, from inside: limits, refusals, and the answer on standard output."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+from typing import Any, NoReturn
+
+WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+NEW_NETWORK, NEW_USER = 0x40000000, 0x10000000  # flags of unshare(2)
+# Audit events (docs.python.org/3/library/audit_events.html) by the start of their names, and the sentence.
+FILES = "a law must not write files"
+FORBIDDEN = {
+    "socket.": "it opened a socket; a law must not use the network",
+    "subprocess.": "it started a process; a law must not",
+    "os.system": "it started a process; a law must not",
+    "os.exec": "it started a process; a law must not",
+    "os.fork": "it started a process; a law must not",
+    "os.posix_spawn": "it started a process; a law must not",
+    "os.spawn": "it started a process; a law must not",
+    "os.kill": "it sent a signal; a law must not",
+    "resource.setrlimit": "it changed a limit of its process; a law must not",
+    "gc.get_": "it searched the memory of its process; a law must not look for seeds",
+    **{
+        f"os.{name}": f"it changed files (os.{name}); {FILES}"
+        for name in ("mkdir", "remove", "rename", "rmdir", "link", "symlink", "truncate", "chmod", "chown", "utime")
+    },
+    "shutil.": f"it changed files; {FILES}",
+    "tempfile.": f"it made a temporary file; {FILES}",
+}
+
+
+class NotAllowed(PermissionError):
+    """A law did what it must not."""
+
+
+class Guard:
+    """Refuses events from `arm` on, and remembers the first: a law may catch the exception."""
+
+    def __init__(self) -> None:
+        self.first = ""
+        self._armed = False
+        sys.addaudithook(self._event)
+
+    def arm(self) -> None:
+        self._armed = True
+
+    def disarm(self) -> None:
+        self._armed = False
+
+    def _event(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self._armed:
+            return
+        if event == "open":
+            path, mode, flags = arguments
+            if (isinstance(mode, str) and set(mode) & set("wax+")) or (isinstance(flags, int) and flags & WRITES):
+                self._refuse(f"it opened {path} for writing; {FILES}")
+            return
+        for start, sentence in FORBIDDEN.items():
+            if event.startswith(start):
+                self._refuse(sentence)
+
+    def _refuse(self, sentence: str) -> NoReturn:
+        self.first = self.first or sentence
+        raise NotAllowed(sentence)
+
+
+def without_network() -> bool:
+    """Moves the process to a network namespace of its own, which has no device; False if the system does not let it."""
+    if not sys.platform.startswith("linux"):
+        return False
+    import ctypes
+
+    unshare = ctypes.CDLL(None).unshare
+    return any(unshare(flags) == 0 for flags in (NEW_NETWORK, NEW_USER | NEW_NETWORK))
+
+
+def limited(seconds: float, memory: int) -> None:
+    """Sets the limits of the process: processor time of two processors, address space, and no byte in any file."""
+    for which, most in (
+        (resource.RLIMIT_CPU, int(2 * seconds) + 1),
+        (resource.RLIMIT_AS, memory),
+        (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        hard = resource.getrlimit(which)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        try:
+            resource.setrlimit(which, (most, most))
+        except (ValueError, OSError):  # macOS has no limit of the address space
+            continue
+
+
+def main() -> None:
+    out = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    null = os.open(os.devnull, os.O_RDWR)
+    for number in (1, 2):
+        os.dup2(null, number)
+    job = json.load(sys.stdin)
+    os.dup2(null, 0)
+    network = without_network()  # before another thread starts
+    limits = job["limits"]
+
+    def send(line: dict[str, Any]) -> None:
+        out.write(json.dumps(line) + "\n")
+        out.flush()
+
+    from .trial import tried  # before the limits, as libraries may write caches
+
+    limited(limits["seconds"], limits["memory"])
+    guard = Guard()
+    try:
+        result = tried(job, guard, lambda done, total, doing: send({"done": done, "total": total, "doing": doing}))
+        answer: dict[str, Any] = {"result": {**result, "own_network": network}}
+    except MemoryError:
+        answer = {"refused": _too_large(limits["memory"])}
+    except ValueError as error:
+        full = isinstance(error.__cause__, MemoryError)
+        answer = {"refused": _too_large(limits["memory"]) if full else str(error)}
+    except BaseException as error:
+        answer = {"refused": f"it raised {type(error).__name__}: {error}"}
+    guard.disarm()
+    if guard.first:
+        answer = {"refused": guard.first}
+    send(answer)
+    os._exit(0)  # nothing that the law registered runs now
+
+
+def _too_large(memory: int) -> str:
+    return f"it needed more than {memory // 2**20} MiB of memory"
+
+
+if __name__ == "__main__":
+    main()
