@@ -37,6 +37,7 @@ PAGES = {
     "how-to/record": "docs/record.md",
     "how-to/identify": "docs/identify.md",
     "how-to/compare": "docs/compare.md",
+    "how-to/board": "docs/board.md",
     "how-to/limit": "docs/limit.md",
     "how-to/control": "docs/control.md",
     "how-to/operators": "docs/operators.md",

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import fracgyro as fg
 import numpy as np
 import pytest
+from browser import chromium, served, violations, watched
 from click.testing import CliRunner
 from command_server import fracgyro
+from embedded import need
 from fracgyro.cli import cli
 from fracgyro_lab.board.check import check, differences
 from fracgyro_lab.board.enter import enter, write
 from fracgyro_lab.board.entrant import Entrant, entrant
 from fracgyro_lab.board.entry import Entry, read, schema
+from fracgyro_lab.board.page import write_page
 from fracgyro_lab.board.room import Limits
 from fracgyro_lab.board.trial import knows_seeds
 from fracgyro_lab.comparison.track_contenders import CONTENDERS
@@ -334,3 +338,79 @@ def test_what_is_not_an_entry_is_refused_by_reader_and_schema(old: str, new: str
     assert complaints(json.loads(path.read_text()))
     with pytest.raises(fg.ScenarioError, match=r"bad\.json is not an entry of the board: "):
         read(path)
+
+
+# -- The page --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("board")
+    assert write_page(BOARD, folder, ROOT / "benchmarks/results/flops.md") == len(ENTRIES)
+    return folder
+
+
+def test_the_page_has_every_entry_in_order_and_the_operations_that_are_counted(page: Path) -> None:
+    text = (page / "index.html").read_text(encoding="utf-8")
+    rows = re.findall(r'<tr id="(\w+)".*?</tr>', text, re.DOTALL)
+    assert sorted(rows) == [path.stem for path in ENTRIES]
+    errors = [read(BOARD / f"{name}.json").best.error.value for name in rows]
+    finite = [error for error in errors if error is not None]
+    assert finite == sorted(finite)
+    (pid,) = re.findall(r'<tr id="pid".*?</tr>', text, re.DOTALL)
+    assert '<td data-value="65">65</td>' in pid
+    assert text.count('class="limit"') == len({read(path).setting.information for path in ENTRIES})
+
+
+def test_a_text_of_an_entry_cannot_become_markup(tmp_path: Path) -> None:
+    found = json.loads((BOARD / "pid.json").read_text(encoding="utf-8"))
+    found["words"], found["author"] = "<b onclick=1>&", "</td><script>alert(1)</script>"
+    (tmp_path / "pid.json").write_text(json.dumps(found), encoding="utf-8")
+    write_page(tmp_path, tmp_path / "out")
+    text = (tmp_path / "out/index.html").read_text(encoding="utf-8")
+    assert text.count("<script>") == 1
+    assert "<b onclick" not in text
+
+
+def test_an_entry_of_a_law_that_has_changed_is_marked(tmp_path: Path) -> None:
+    text = (BOARD / "pid.json").read_text(encoding="utf-8")
+    remarks = []
+    for sha in (entrant("pid", "F").sha256, "0" * 64):
+        (tmp_path / "pid.json").write_text(text.replace(read(BOARD / "pid.json").sha256, sha), encoding="utf-8")
+        write_page(tmp_path, tmp_path / "out")
+        remarks.append("the law has changed since" in (tmp_path / "out/index.html").read_text(encoding="utf-8"))
+    assert remarks == [False, True]
+
+
+def test_a_folder_without_entries_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(fg.ScenarioError, match="has no entries: they are JSON files of `fracgyro enter`"):
+        write_page(tmp_path, tmp_path / "out")
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 400)])
+def test_the_page_can_be_sorted_filtered_and_read(page: Path, scheme: Literal["light", "dark"], width: int) -> None:
+    need("browser")
+    with chromium() as browser, served(page) as address:
+        tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        faults = watched(tab, address)
+        tab.goto(f"{address}index.html")
+        assert violations(tab) == []
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+
+        def names() -> list[str]:
+            shown: list[str] = tab.evaluate("[...document.querySelectorAll('tbody tr:not([hidden])')].map(r => r.id)")
+            return shown
+
+        first = names()
+        assert len(first) == len(ENTRIES)
+        tab.click("th button:text('Error, q0')")
+        entries = {path.stem: read(path) for path in ENTRIES}
+        known = [name for name in names() if entries[name].best.error.value is not None]
+        errors = [entries[name].best.error.value for name in known]
+        assert errors == sorted(errors, reverse=True)
+        tab.click("th button:text('Law')")
+        assert names()[0] == min(ENTRIES, key=lambda path: read(path).law).stem
+        tab.uncheck("input[value=compiled]")
+        assert names() == ["pid_in_python"]
+        assert tab.inner_text("#count") == "1"
+        assert faults == []

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from fracgyro.scenario import Scenario, ScenarioError
@@ -29,9 +29,7 @@ from ..comparison.task import Cell, Changes, sensed
 from ..comparison.track import CHATTERING, HIGH, Track
 from ..comparison.tuning import CONFIRMED, Tuning
 from . import entrant
-
-if TYPE_CHECKING:
-    from .inside import Guard
+from .guard import Guard
 
 NOISE = 1e-13  # density of the measured position, m/sqrt(Hz)
 CEILING = HIGH  # largest chattering of the tuned row
