@@ -144,7 +144,7 @@ compare: .venv/installed-test
 	$(BIN)/python lab/compare.py $(ARGS)
 
 # The entries are made by `fracgyro enter`; no law runs here.
-board: .venv/installed-$(DRAWN)
+board: .venv/installed-test
 	$(BIN)/python -m fracgyro_lab.board lab/board build/board benchmarks/results/flops.md
 
 # Takes half a minute for its own runs. ARGS="--seeds 8": fewer noise seeds than the study's 100.

@@ -204,11 +204,12 @@ def test_seeds_follow_from_hash_name_class_and_purpose(tmp_path: Path) -> None:
     mine = entrant(str(path), "F")
     assert mine.law == "pd.py:Pid"
     assert mine.seeds("judging", 8) == entrant(f"{path}:Pid", "F").seeds("judging", 8)
+    other = entrant(str(path), "P").seeds("judging", 8)
     path.write_text(f"{PD}\n", encoding="utf-8")
     lists = [
         mine.seeds("judging", 8),
         mine.seeds("training", 8),
-        entrant(str(BOARD / "pid_in_python.py"), "P").seeds("judging", 8),
+        other,
         entrant(str(path), "F").seeds("judging", 8),
     ]
     every = [seed for seeds in lists for seed in seeds]
@@ -401,15 +402,19 @@ def test_the_page_can_be_sorted_filtered_and_read(page: Path, scheme: Literal["l
             shown: list[str] = tab.evaluate("[...document.querySelectorAll('tbody tr:not([hidden])')].map(r => r.id)")
             return shown
 
-        first = names()
-        assert len(first) == len(ENTRIES)
-        tab.click("th button:text('Error, q0')")
         entries = {path.stem: read(path) for path in ENTRIES}
+        tab.click("th button:text('Error, q0')")
+        shown = set()
+        for information in ("P", "F"):
+            tab.check(f"input[value={information}]")
+            assert {entries[name].setting.information for name in names()} == {information}
+            shown |= set(names())
+        assert shown == entries.keys()
         known = [name for name in names() if entries[name].best.error.value is not None]
         errors = [entries[name].best.error.value for name in known]
         assert errors == sorted(errors, reverse=True)
         tab.click("th button:text('Law')")
-        assert names()[0] == min(ENTRIES, key=lambda path: read(path).law).stem
+        assert [entries[name].law for name in names()] == sorted(entries[name].law for name in names())
         tab.uncheck("input[value=compiled]")
         assert names() == ["pid_in_python"]
         assert tab.inner_text("#count") == "1"

@@ -12,7 +12,7 @@ from html import escape
 from .entry import Entry
 
 WIDTH, HEIGHT = 640, 400
-LEFT, RIGHT, TOP, BOTTOM = 56, 12, 10, 42
+LEFT, RIGHT, TOP, BOTTOM = 62, 14, 14, 48
 TRACE_WIDTH, TRACE_HEIGHT = 120, 28
 Points = Sequence[Sequence[float]]
 
@@ -32,7 +32,7 @@ class _Axis:
     def ticks(self) -> Iterator[tuple[float, str]]:
         """Place and text of each power of ten."""
         for power in range(math.ceil(self.low), math.floor(self.high) + 1):
-            yield self.at(10.0**power), f"{10.0**power:g}" if -4 < power < 4 else f"1e{power}"
+            yield self.at(10.0**power), f"{10.0**power:g}" if -3 < power < 3 else f"1e{power}"
 
 
 def chart(entries: Sequence[tuple[str, Entry]], limit: Points) -> str:
@@ -70,13 +70,13 @@ def chart(entries: Sequence[tuple[str, Entry]], limit: Points) -> str:
 def _frame(across: _Axis, up: _Axis) -> Iterator[str]:
     for x, text in across.ticks():
         yield f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
-        yield f'<text class="tick" x="{x:.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{text}</text>'
+        yield f'<text class="tick" x="{x:.1f}" y="{HEIGHT - BOTTOM + 20}" text-anchor="middle">{text}</text>'
     for y, text in up.ticks():
         yield f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
         yield f'<text class="tick" x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
     middle = (LEFT + WIDTH - RIGHT) / 2
     yield f'<text class="tick" x="{middle:.0f}" y="{HEIGHT - 6}" text-anchor="middle">chattering</text>'
-    yield f'<text class="tick" x="4" y="{TOP + 8}">error</text>'
+    yield f'<text class="tick" x="{LEFT + 8}" y="{TOP + 16}">error, q0</text>'
 
 
 def _line(points: Points, across: _Axis, up: _Axis) -> str:
