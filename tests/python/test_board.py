@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +29,7 @@ from jsonschema import Draft202012Validator
 
 ROOT = Path(__file__).resolve().parents[2]
 BOARD = ROOT / "lab/board"
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has the limit, or the call of C")
 PD = (BOARD / "pid_in_python.py").read_text(encoding="utf-8")
 # A law without gains to tune, with a line to be replaced.
 PLAIN = """
@@ -110,11 +112,13 @@ def test_a_law_that_leaves_its_room_is_refused(lines: list[str], found: str, tmp
     assert refusal(changed("begin", *lines), tmp_path) == found
 
 
+@LINUX
 def test_a_law_that_takes_much_memory_is_refused(tmp_path: Path) -> None:
     found = refusal(changed("begin", "self.held = bytearray(3 << 30)"), tmp_path, memory=2 << 30)
     assert found == "it needed more than 2048 MiB of memory"
 
 
+@LINUX
 def test_no_byte_can_be_written_even_by_c(tmp_path: Path) -> None:
     lines = ["import ctypes", "c = ctypes.CDLL(None)", f"f = c.open(b'{tmp_path}/out', 0o1101, 0o600)"]
     lines += ["assert f > 0 and c.write(f, b'abc', 3) == -1", "raise ValueError('it could not')"]

@@ -23,6 +23,14 @@ def without_network() -> bool:
     return any(unshare(flags) == 0 for flags in (NEW_NETWORK, NEW_USER | NEW_NETWORK))
 
 
+def on_two_processors() -> None:
+    """Moves the process to two processors, where the system has a choice: more threads need more address space."""
+    if hasattr(os, "sched_setaffinity"):
+        mine = sorted(os.sched_getaffinity(0))
+        first = os.getpid() % len(mine)  # several such processes share all processors
+        os.sched_setaffinity(0, {mine[first], mine[(first + 1) % len(mine)]})
+
+
 def limited(seconds: float, memory: int) -> None:
     """Sets the limits of the process: processor time of two processors, address space, and no byte in any file."""
     for which, most in (
@@ -47,6 +55,7 @@ def main() -> None:
     job = json.load(sys.stdin)
     os.dup2(null, 0)
     network = without_network()  # before another thread starts
+    on_two_processors()
     limits = job["limits"]
 
     def send(line: dict[str, Any]) -> None:
