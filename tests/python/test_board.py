@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
+import socket
+import struct
 import sys
 from pathlib import Path
 from typing import Any, Literal
@@ -124,6 +126,22 @@ def test_no_byte_can_be_written_even_by_c(tmp_path: Path) -> None:
     lines += ["assert f > 0 and c.write(f, b'abc', 3) == -1", "raise ValueError('it could not')"]
     assert refusal(changed("begin", *lines), tmp_path).endswith("raised ValueError: it could not")
     assert (tmp_path / "out").read_bytes() == b""
+
+
+@LINUX
+def test_a_server_of_this_machine_cannot_be_reached_even_by_c(entered: Path, tmp_path: Path) -> None:
+    if not read(entered).own_network:
+        pytest.skip("the system refuses network namespaces")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        place = struct.pack("=H", socket.AF_INET) + struct.pack("!H4B8x", server.getsockname()[1], 127, 0, 0, 1)
+        lines = ["import ctypes", "c = ctypes.CDLL(None)", "s = c.socket(2, 1, 0)", f"place = {place!r}"]
+        lines += ["raise ValueError(f'{s >= 0}, {c.connect(s, place, 16)}')"]
+        found = changed("begin", *lines)
+        scope: dict[str, Any] = {}
+        exec(found, scope)
+        with pytest.raises(ValueError, match=r"^True, 0$"):
+            scope["Law"]()
+        assert refusal(found, tmp_path).endswith("raised ValueError: True, -1")
 
 
 def test_a_law_that_reads_a_seed_is_refused(tmp_path: Path) -> None:
