@@ -38,6 +38,7 @@ PAGES = {
     "how-to/data-sheet": "docs/data_sheet.md",
     "how-to/identify": "docs/identify.md",
     "how-to/compare": "docs/compare.md",
+    "how-to/board": "docs/board.md",
     "how-to/limit": "docs/limit.md",
     "how-to/control": "docs/control.md",
     "how-to/operators": "docs/operators.md",

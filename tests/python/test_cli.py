@@ -207,6 +207,7 @@ NAMES = [
     "compare",
     "device",
     "diff",
+    "enter",
     "explain",
     "export",
     "identify",

@@ -236,7 +236,7 @@ STUDY = [
     ["sweep", "tune"],
     ["", "json_schema", "reference"],
 ]
-LAB = [["comparison", "paper"], ["", "commands"]]
+LAB = [["comparison", "paper"], ["board"], ["", "commands"]]
 ROOMS = {"fracgyro": LIBRARY, "fracgyro.study": STUDY, "fracgyro_lab": LAB}
 
 
