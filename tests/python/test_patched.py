@@ -66,6 +66,18 @@ def test_fields_that_are_patched_are_all_but_those_that_are_listed() -> None:
         assert set(patched_fields(base, varied)) == expected - patched.READ_ELSEWHERE
 
 
+BRANCHES: list[dict[str, Any]] = [
+    {},
+    {"controller.layer_thickness": 0.0},
+    {"controller.filter": "kalman"},
+    {"controller.adaptive": False},
+    {"device.sensing": "position"},
+    {"reference.kind": "rest"},
+    {"disturbance.kind": "none"},
+    {"rate.kind": "step", "rate.amplitude": 1.0},
+]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_but_the_numbers_reads_a_field_that_is_patched(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither a check of the whole scenario nor another part of the set-up: else it would have to follow."""
@@ -82,11 +94,17 @@ def test_nothing_but_the_numbers_reads_a_field_that_is_patched(kind: str, monkey
 
         monkeypatch.setattr(model, "__getattribute__", read, raising=False)
     monkeypatch.setattr(checks, "_check_fields_of_its_kind", lambda scenario: None)  # of each field by itself
-    checks.check(base)
-    base.controller._check()
-    parts(base)
-    assert "controller.adaptive" in seen or "adaptation.initial_ratio" in seen
-    assert seen & own <= {"controller.order"}  # the order, for the exponentials
+    for changes in BRANCHES:
+        try:
+            other = base.replace(changes)
+        except fg.ScenarioError:  # not of this kind
+            continue
+        seen.clear()
+        checks.check(other)
+        other.controller._check()
+        parts(other)
+        assert "controller.kind" in seen
+        assert seen & own <= {"controller.order"}  # the order, for the exponentials
 
 
 def test_texts_with_units_that_follow_from_an_exponent_take_the_long_way() -> None:
@@ -154,11 +172,11 @@ def test_a_saved_scenario_is_read_a_line_at_a_time_as_tomllib_reads_it(name: str
     assert repr(_plain_tables(text)) == repr(tomllib.loads(text))
 
 
-WORDS = st.sampled_from(
-    ["a", "b", "xx", " = ", "=", "[", "]", "{", "}", "{xx = 1, xy = 0.5, yy = -2e3}", '"', "\\", "#", "\n", "\n", "inf"]
-    + ["-", "+", "_", "1", "0", ".", "e", "5", ",", " ", "nan", "true", "false", "9223372036854775808", "\t", "\r", "é"]
-    + ["a = 1\n", "b = inf\n", "c = [1.0, -inf]\n", '"text"', "[a]\n", "[b]\n", "# a\n", "\x7f", "\x00", "1e999", "00"]
-)
+MARKS = ["a", "b", "xx", " = ", "=", "[", "]", "{", "}", '"', "\\", "#", "\n", "inf", "-", "+", "_", "1", "0", ".", "e"]
+MARKS += [",", " ", "nan", "true", "false", "9223372036854775808", "\t", "\r", "é", "\x7f", "\x00", "1e999", "00"]
+LINES = ["a = 1\n", "b = inf\n", "c = [1.0, -inf]\n", '"text"', "[a]\n", "[b]\n", "# a\n"]
+LINES += ["{xx = 1, xy = 0.5, yy = -2e3}"]
+WORDS = st.sampled_from(MARKS + LINES)
 
 
 @given(st.lists(WORDS, max_size=12).map("".join))
