@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -14,6 +13,7 @@ import numpy as np
 from .. import _core
 from ..arguments import short
 from ..scenario import Scenario
+from .processors import processors
 
 _jobs: ContextVar[int | None] = ContextVar("jobs", default=None)
 
@@ -35,7 +35,7 @@ def at_most(jobs: int | None) -> Iterator[None]:
 
 def threads_available() -> int:
     """Number of processors that this process may use, at most those of `at_most`."""
-    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    found = processors()
     return min(found, _jobs.get() or found)
 
 
