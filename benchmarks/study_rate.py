@@ -115,8 +115,8 @@ def main() -> None:
         "|---|---|---|",
         *(f"| {name} | {wall:.1f} | {used:.1f} |" for name, (wall, used) in per_run.items()),
         "",
-        f"By wall clock the sweep reaches {rate / sweep:.2f} of the engine's rate; with set-ups made the long way, twice "
-        "as planning and running did, one after the other, it would be at most "
+        f"By wall clock the sweep reaches {rate / sweep:.2f} of the engine's rate; with set-ups made the long way, "
+        "twice as planning and running did, one after the other, it would be at most "
         f"{rate / (rate + 2 * long):.2f}.",
     ]
     write("study_rate", lines, keep=not quick)

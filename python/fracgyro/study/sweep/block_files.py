@@ -81,7 +81,8 @@ def aggregates(table: pa.Table) -> dict[str, Any]:
     """
     gone = table["diverged_at"].is_valid().to_numpy()
     found: dict[str, list[float]] = {}
-    for name in (*METRICS, *set(table.column_names).intersection(ALL_METRICS)):
+    known = {*METRICS, *ALL_METRICS}
+    for name in (field.name for field in table.schema if field.name in known and field.type == pa.float64()):
         values = table[name].to_numpy()[~gone]
         values = values[~np.isnan(values)]
         count, mean = len(values), float(values.mean()) if len(values) else 0.0
