@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from itertools import product
 from typing import Any
 
 import fracgyro as fg
@@ -18,6 +19,8 @@ from fracgyro.scenario.schema import Adaptation, Controller
 from fracgyro.scenario.shipped import NAMES
 from fracgyro.scenario.to_core import core_setup, parts
 from fracgyro.scenario.toml import _plain_tables
+from fracgyro.study.space import Dimension
+from fracgyro.study.sweep.setups import Setups, fields_to_patch, scenario_of
 from hypothesis import given
 from hypothesis import strategies as st
 from test_lanes import DERIVED, DIFFERENCES, SHORT, WITHOUT_EFFECT, derived
@@ -126,6 +129,37 @@ def test_negative_zero_is_zero_in_a_patched_set_up() -> None:
     made = Patch(base, ["controller.fractional_gain"]).setup(((-0.0, 5.0),))
     place = [number.path for number in numbers(base.controller.kind)].index("controller.fractional_gain")
     assert np.copysign(1.0, _core.setup_settings(made)[place]) == 1.0
+
+
+# -- The points of a study
+
+
+def test_the_set_ups_of_a_study_are_those_of_its_scenarios() -> None:
+    base = SHORT
+    fields = ["adaptation.rate_gain", "plant.angular_rate", "controller.order", "run.duration", "law.gain"]
+    choices = ((50.0, 70.0), (90.0, 110.0), (0.0, 0.4, 1.0), (0.1, 0.2), (1.0,))
+    dimensions = [Dimension(field, 0.0, 0.0, choices=each) for field, each in zip(fields, choices, strict=True)]
+    own = fields_to_patch(base, dimensions)
+    assert own == ("adaptation.rate_gain", "controller.order")
+    setups = Setups(base, fields, own)
+    for number, point in enumerate(product(*choices)):
+        made, expected = setups.setup(number, point), core_setup(scenario_of(base, number, fields, point))
+        assert _core.setup_settings(made) == _core.setup_settings(expected)
+        assert _core.setup_kernel(made) == _core.setup_kernel(expected)
+
+
+def test_a_column_with_an_invalid_value_and_a_kind_that_varies_take_the_long_way() -> None:
+    wrong = Dimension("adaptation.rate_gain", 0.0, 0.0, choices=(1.0, -1.0))
+    kinds = Dimension("controller.kind", 0.0, 0.0, choices=("linear", "fractional"))
+    right = Dimension("controller.order", 0.1, 0.9)
+    assert fields_to_patch(SHORT, [right]) == ("controller.order",)
+    assert fields_to_patch(SHORT, [right, wrong]) == fields_to_patch(SHORT, [right, kinds]) == ()
+
+
+def test_a_point_that_cannot_run_is_named_with_all_its_values() -> None:
+    setups = Setups(SHORT, ["controller.order", "run.step"], ["controller.order"])
+    with pytest.raises(fg.ScenarioError, match=r"point 7 \(controller\.order = 0\.5, run\.step = 0\.0007\) cannot run"):
+        setups.alike(7, (0.5, 0.7e-3))
 
 
 # -- Scenario.replace keeps the tables that it does not change
