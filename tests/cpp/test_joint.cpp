@@ -795,7 +795,7 @@ TEST(Joint, AMovingRateIsFollowedAsFastAsItIsAskedForWhateverTheSensorsNoise) {
     EXPECT_NEAR(seen_at_the_corner<Positions<double>>(noisy, 0.02), half_power, 0.08);
 }
 
-// From 14 to 300 deg/s of the dual mass: innovations far beyond their deviations, which are no late force.
+// From 14 to 300 deg/s of the dual mass: innovations far beyond their deviations, but not from a late force.
 TEST(Joint, AFastTurnIsNotALateForce) {
     for (const double size : {1e-5, 7e-5, 2e-4}) {
         EXPECT_NEAR(seen_at_the_corner<Both<double>>(Case(), 0.02, size), std::sqrt(0.5), 0.08) << size;

@@ -125,7 +125,7 @@ def test_the_toml_says_in_which_axes_it_is(found: fg.identify.Found, tmp_path: P
     assert found.scenario(axes="principal").plant.angular_rate == pytest.approx(RATE, rel=0.01)
 
 
-# -- What to record next -----------------------------------------------------------------------------------------------
+# -- Next records ------------------------------------------------------------------------------------------------------
 
 
 def advised(found: fg.identify.Found) -> dict[str, Any]:
@@ -222,7 +222,7 @@ def test_there_is_no_prediction_without_a_ratio() -> None:
 
 
 def test_the_correction_undoes_the_pick_offs(found: fg.identify.Found) -> None:
-    """Of a device with skewed pick-offs of different gains, from records at two known rates."""
+    """Records of a device with skewed pick-offs of different gains, from records at two known rates."""
     device = replace(DUAL_MASS, skew=0.015, rate=0.0)
     records = [replace(device, rate=rate).record(20_000, 5.04, 0.0, rate=rate) for rate in (0.0, RATE)]
     matrix = correction(fg.identify(records))

@@ -25,7 +25,7 @@ from ..extras import needs
 @click.option("--sampling", metavar="HZ", help="Set the sampling rate.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE.toml", help="Write the scenario to this file.")
 def device_command(frequency: str, q: str, out: Path | None, **more: str | None) -> None:
-    """Make a scenario from the numbers of a data sheet, and print it. What is left out is supposed, and marked so.
+    """Make a scenario from the numbers of a data sheet, and print it. Missing numbers are supposed, and marked.
 
     Numbers may have another unit, as in --frequency '15 kHz,15.2 kHz'.
     """

@@ -42,7 +42,7 @@ class Sheet:
         return Scenario.shipped(self.base).replace(self.changes)
 
     def to_toml(self) -> str:
-        """The scenario as TOML: each given number says so in a comment, and each other one is marked as supposed."""
+        """The scenario as TOML: each given number is marked as given in a comment, each other one as supposed."""
         words = [
             "Made by fracgyro from the numbers of a data sheet.",
             f"supposed: all that is not commented as given is of the shipped scenario {self.base}, the most similar.",
@@ -73,7 +73,8 @@ def device(
 ) -> Sheet:
     """A device from the numbers of its data sheet; `scenario()` of the result is complete.
 
-    Numbers are in the unit given here, or text with another unit. What is left out is supposed, and the TOML says so.
+    Numbers are in the unit given here, or text with another unit. Numbers that are left out are supposed, and marked in
+    the TOML.
 
     `frequency`: of x and y, Hz, or of x, with `split`, that of y less that of x, Hz. `q`: quality factors of x and y,
     or one for both. `mass`: modal, kg. `quadrature`: deg/s. `damping_axis`: angle from x to the nearest principal axis
@@ -202,7 +203,7 @@ def _frequencies(frequency: Value | Sequence[Value], split: Value | None) -> tup
     else:
         pair = found[0], found[0] + apart
     if pair[1] <= 0 or pair[0] == pair[1]:
-        rule = "both must be above 0 and differ: from one frequency of motion the rate cannot be told from the damping"
+        rule = "both must be above 0 and differ: one frequency of motion does not separate the rate from the damping"
         raise ValueError(f"the frequencies are {pair[0]:g} and {pair[1]:g} Hz: {rule}")
     return pair
 

@@ -29,7 +29,7 @@ TURN = math.radians(300.0)  # rad/s, of a turntable
 NAMES = ("kxx", "kxy", "kyy", "dxx", "dxy", "dyy", "rate", "rate_offset", "pickoff_ratio", "skew")
 HALVED = 0.505
 LARGEST_RATIO = math.log(2.0)  # 95 % limit of ln g beyond which a ratio is not determined
-MOST_PERIODS = 1e6  # of a longer record
+MOST_PERIODS = 1e6  # in a longer record
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Advice:
 
 
 def advice(found: Results) -> tuple[Advice, ...]:
-    """What each of several further records would give; empty with one pick-off or without a free decay."""
+    """Gain of each of several further records; empty with one pick-off or without a free decay."""
     condition = found.conditions[0]
     device = condition.device
     both = [(state, fit) for state, fit in condition.fits if fit.shape.axes == 2]

@@ -39,7 +39,7 @@ class Found(Results):
 
     @cached_property
     def prediction(self) -> Prediction | None:
-        """Errors of a rate sensor that is told this device; None if the pick-off ratio is not determined.
+        """Errors of a rate sensor that has the numbers of this device; None if the pick-off ratio is not determined.
 
         Runs the scenario a few times, which takes a second.
         """

@@ -1,4 +1,4 @@
-"""The errors of a rate sensor that is told the identified device: what the interval of the pick-off ratio leaves.
+"""Errors of a rate sensor with the numbers of the identified device: what the ratio of the pick-offs leaves.
 
 A controller takes the pick-offs for equal. With y divided by the identified ratio, a mismatch d of at most the interval
 is left, and the force along y, seen by that pick-off, is (1 + d) times as large. The joint filter's scale factor is
