@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
 from .records import Segment, part
-from .spectra import Spectrum, band, clearest, first_band, spectrum
+from .spectra import Spectrum, band, clearest, first_band, spectrum, visible
 from .start import linear_start
 
 Array = NDArray[np.float64]
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 FRACTIONS = (1.0, 0.25, 1 / 16)  # beginnings of each record from which a start is computed
 POLISH = 6  # steps before the starts are compared
 MIN_START_BINS = 10
+MAX_START_BINS = 1200  # of a record: in a long one the first band has many without a mode
 BANDS = 4  # fits, each in the band around the modes of the one before
 ROUGH = 4.0  # times the beginning in which the slowest mode is the clearest
 LONGEST = 14.0  # times the longest time constant: later samples have only noise
@@ -72,11 +73,14 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     first = segments[0]
     drives = 0 if first.force is None else first.force.shape[0]
     shape = Shape(len(first.axes), drives)
-    bands = [first_band(each.motion, each.interval) for each in segments]
+    searches = [[visible(row) for row in each.motion] for each in segments]
+    bands = [first_band(each, one.interval) for each, one in zip(searches, segments, strict=True)]
     unit = unit or bands[0][2]
     low, high = min(each[0] for each in bands), max(each[1] for each in bands)
     # Until the decay is known, a record that is much longer than it is cut roughly.
-    rough = [_shortened(each, ROUGH * clearest(each.motion) * each.interval) for each in segments]
+    rough = [
+        _shortened(each, ROUGH * clearest(one) * each.interval) for each, one in zip(segments, searches, strict=True)
+    ]
     whole = [_spectrum(each) for each in rough]
     noise = np.stack([_first_noise(each) for each in whole])
     parameters = _start(shape, rough, whole, unit, (low, high), noise)
@@ -133,11 +137,15 @@ def _start(
     noise: Array,
 ) -> Array:
     """The best of the polished linear starts from the whole records and from their beginnings."""
-    within = [_wide_enough(each, *edges) for each in whole]
+    within = [_wide_enough(each, *edges).thinned(MAX_START_BINS) for each in whole]
     found: list[tuple[float, Array]] = []
     for fraction in FRACTIONS if shape.drives == 0 else FRACTIONS[:1]:
         shorter = [part(each, 0, max(math.ceil(fraction * each.motion.shape[1]), 64)) for each in segments]
-        spectra = within if fraction == 1.0 else [_wide_enough(_spectrum(each), *edges) for each in shorter]
+        spectra = (
+            within
+            if fraction == 1.0
+            else [_wide_enough(_spectrum(each), *edges).thinned(MAX_START_BINS) for each in shorter]
+        )
         if min(len(each.frequency) for each in spectra) < MIN_START_BINS:
             continue
         scaled = [

@@ -65,7 +65,8 @@ def linearized(
         columns = seen * turn[:, None, None]
         if shape.drives:
             columns = np.concatenate([columns, _feedthrough(one, unit, deviations)], axis=2)
-        forced = np.einsum("kij,jl,kl->ki", seen, found.held, one.force)
+        driven = one.force @ found.held.T
+        forced = (seen @ driven[:, :, None])[:, :, 0]
         target = stacked((one.motion / deviations - forced).reshape(bins * n))
         matrix = stacked(columns.reshape(bins * n, -1))
         norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
@@ -74,10 +75,10 @@ def linearized(
         linear = np.linalg.lstsq(upper, within, rcond=None)[0] / norms
         rest = target - basis @ within
         rest -= basis @ (basis.T @ rest)
-        state = np.einsum("kij,kj->ki", inverse, one.force @ found.held.T + turn[:, None] * linear[None, : 2 * n])
-        pushed = np.einsum("pij,kj->kpi", found.less_one_by, state)
-        pushed += np.einsum("pij,kj->kpi", found.held_by, one.force)
-        jacobian = stacked(-np.einsum("kij,kpj->kip", seen, pushed).reshape(bins * n, shape.count))
+        state = (inverse @ (driven + turn[:, None] * linear[None, : 2 * n])[:, :, None])[:, :, 0]
+        by = found.less_one_by.transpose(2, 1, 0).reshape(2 * n, -1)
+        pushed = state @ by + one.force @ found.held_by.transpose(2, 1, 0).reshape(shape.drives, by.shape[1])
+        jacobian = stacked(-(seen @ pushed.reshape(bins, 2 * n, shape.count)).reshape(bins * n, shape.count))
         jacobians.append(jacobian - basis @ (basis.T @ jacobian))
         residuals.append(rest)
         parts.append((rest[: bins * n] + 1j * rest[bins * n :]).reshape(bins, n))

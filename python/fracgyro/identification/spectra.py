@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,16 @@ class Spectrum:
     def between(self, low: float, high: float) -> Spectrum:
         """The bins from `low` to `high`, rad/s."""
         kept = (self.frequency >= low) & (self.frequency <= high)
+        return Spectrum(self.frequency[kept], self.motion[kept], self.force[kept], self.interval, self.samples)
+
+    def thinned(self, bins: int) -> Spectrum:
+        """At most so many bins: half of them the strongest, the others evenly spread. Each bin obeys the model."""
+        count = len(self.frequency)
+        if count <= bins:
+            return self
+        power = np.abs(self.motion) ** 2
+        strongest = np.argsort((power / power.max(axis=0)).max(axis=1), kind="stable")[count - bins // 2 :]
+        kept = np.union1d(strongest, np.linspace(0, count - 1, bins - bins // 2).astype(int))
         return Spectrum(self.frequency[kept], self.motion[kept], self.force[kept], self.interval, self.samples)
 
 
@@ -88,14 +99,13 @@ def visible(row: Array) -> Search:
     return best
 
 
-def clearest(motion: Array) -> int:
+def clearest(searches: Sequence[Search]) -> int:
     """Samples of the longest of the beginnings in which the channels are the clearest."""
-    return max(visible(row).samples for row in motion)
+    return max(each.samples for each in searches)
 
 
-def first_band(motion: Array, interval: float) -> tuple[float, float, float]:
+def first_band(searches: Sequence[Search], interval: float) -> tuple[float, float, float]:
     """Band in which modes are visible and its largest line, rad/s: low, high, line."""
-    searches = [visible(row) for row in motion]
     strongest = max(range(len(searches)), key=lambda i: float(searches[i].power.max()))
     line = float(searches[strongest].cycles[searches[strongest].peak])
     low, high, margin = line, line, 0.0

@@ -26,6 +26,13 @@ def stacked(values: NDArray[Any]) -> Array:
     return np.asarray(np.concatenate([values.real, values.imag]))
 
 
+def least_squares(matrix: Array, target: Array) -> Array:
+    """The least-squares solution, by QR of the tall matrix with its columns scaled, then SVD of the small triangle."""
+    norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
+    upper = np.linalg.qr(np.column_stack([matrix / norms, target]), mode="r")
+    return np.asarray(np.linalg.lstsq(upper[:-1, :-1], upper[:-1, -1], rcond=None)[0] / norms)
+
+
 def linear_start(shape: Shape, spectra: Sequence[Spectrum], unit: float) -> Array:
     """Parameters in units of `unit`, omega0 in rad/s, from spectra whose noise is equal in all channels."""
     guess = np.zeros(shape.count)
@@ -60,8 +67,7 @@ def _one_pass(shape: Shape, spectra: Sequence[Spectrum], unit: float, guess: Arr
         blocks.append(stacked((weight @ columns).reshape(bins * n, -1)))
         targets.append(stacked((weight @ target[:, :, None]).ravel()))
     matrix, target = np.concatenate(blocks), np.concatenate(targets)
-    norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
-    found: Array = np.linalg.lstsq(matrix / norms, target, rcond=None)[0] / norms
+    found = least_squares(matrix, target)
     return found[: shape.count]
 
 
