@@ -71,6 +71,14 @@ def tests(fit: Fit, spectra: Sequence[Spectrum], segments: Sequence[Segment]) ->
             if failed:
                 words = f"{where}: the residual is not white (p = {p:.1g})" + _largest(part[:, i], one)
             found.append(Test("whiteness", "fail" if failed else "pass", words, p))
+    noise = fit.thermal
+    if noise.is_thermal:
+        sizes = [f"{axis}: {each:.2g}" for axis, each in zip(segments[0].axes, noise.thermal, strict=True)]
+        words = (
+            f"{segments[0].name}: thermal motion is seen (p = {noise.p:.1g}; density of its force, {', '.join(sizes)}):"
+            " the fit weighs the bins of the modes accordingly"
+        )
+        found.append(Test("thermal", "pass", words, noise.p))
     return found
 
 

@@ -15,6 +15,7 @@ from .model import Shape, poles
 from .records import Segment, part
 from .spectra import Spectrum, band, clearest, first_band, spectrum, visible
 from .start import linear_start
+from .thermal import only_white, weights
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,9 @@ class Fitted:
             "parameters": self.fit.parameters.tolist(),
             "covariance": self.fit.covariance.tolist(),
             "noise": self.fit.noise.tolist(),
+            "thermal": self.fit.thermal.thermal.tolist(),
+            "thermal_deviation": self.fit.thermal.deviation.tolist(),
+            "thermal_p": self.fit.thermal.p,
             "chi_squared": self.fit.squares,
             "degrees_of_freedom": self.fit.freedom,
             "bins": sum(len(each.frequency) for each in self.spectra),
@@ -84,6 +88,7 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     whole = [_spectrum(each) for each in rough]
     noise = np.stack([_first_noise(each) for each in whole])
     parameters = _start(shape, rough, whole, unit, (low, high), noise)
+    total = only_white(noise)
     for _ in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
@@ -93,8 +98,8 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]
-        fit = maximize(shape, spectra, unit, parameters, noise)
-        parameters, noise = fit.parameters, fit.noise
+        fit = maximize(shape, spectra, unit, parameters, total)
+        parameters, total = fit.parameters, fit.thermal
         same = abs(new[0] - low) < 0.05 * (new[1] - new[0]) and abs(new[1] - high) < 0.05 * (new[1] - new[0])
         low, high = new
         if same:
@@ -160,7 +165,7 @@ def _start(
             ]
         try:
             guess = _unscaled(shape, linear_start(shape, scaled, unit), ratio)
-            polished = search(shape, within, unit, guess, noise, POLISH)
+            polished = search(shape, within, unit, guess, weights(only_white(noise)), POLISH)
         except np.linalg.LinAlgError:
             continue
         if np.isfinite(polished.squares):

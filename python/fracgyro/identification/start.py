@@ -29,7 +29,7 @@ def stacked(values: NDArray[Any]) -> Array:
 def least_squares(matrix: Array, target: Array) -> Array:
     """The least-squares solution, by QR of the tall matrix with its columns scaled, then SVD of the small triangle."""
     norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
-    upper = np.linalg.qr(np.column_stack([matrix / norms, target]), mode="r")
+    upper: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / norms, target]))[1])
     return np.asarray(np.linalg.lstsq(upper[:-1, :-1], upper[:-1, -1], rcond=None)[0] / norms)
 
 
@@ -66,8 +66,7 @@ def _one_pass(shape: Shape, spectra: Sequence[Spectrum], unit: float, guess: Arr
         target = (w**2)[:, None] * one.motion
         blocks.append(stacked((weight @ columns).reshape(bins * n, -1)))
         targets.append(stacked((weight @ target[:, :, None]).ravel()))
-    matrix, target = np.concatenate(blocks), np.concatenate(targets)
-    found = least_squares(matrix, target)
+    found = least_squares(np.concatenate(blocks), np.concatenate(targets))
     return found[: shape.count]
 
 
