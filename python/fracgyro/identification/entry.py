@@ -176,7 +176,7 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
     else:
         notes.append("only one pick-off was recorded: coupling, rate and the other axis are not known")
         found |= _one_axis(first, known)
-    found |= _thermal_gain(state, fits, known)
+    found |= _delay(fits) | _thermal_gain(state, fits, known)
     swept = next((fit for _, fit in fits if isinstance(fit, SweepFit)), None)
     if swept is not None:
         size, deviation = float(abs(swept.feedthrough[0, 0])), float(swept.feedthrough_deviation[0, 0])
@@ -185,6 +185,16 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
             "feedthrough", size, (size - NORMAL * deviation, size + NORMAL * deviation), words, relative=True
         )
     return Condition(state, tuple(fits), device, found)
+
+
+def _delay(fits: list[tuple[State, Fitted | SweepFit]]) -> dict[str, Quantity]:
+    """The delay of the force of the first forced record."""
+    for _, fit in fits:
+        if isinstance(fit, Fitted) and fit.delay is not None:
+            value, half = fit.delay.seconds, NORMAL * fit.delay.deviation * fit.delay.interval
+            words = f"{fit.delay.samples + fit.delay.fraction:.4g} samples"
+            return {"delay": Quantity("delay", value, (value - half, value + half), "s", note=words)}
+    return {}
 
 
 def _thermal_gain(state: State, fits: list[tuple[State, Fitted | SweepFit]], known: Known) -> dict[str, Quantity]:

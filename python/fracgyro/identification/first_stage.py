@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .forced import MAX_DELAY, Delay, delayed, fractional, spectrum_of
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
 from .records import Segment, part
-from .spectra import Spectrum, band, clearest, first_band, spectrum, visible
+from .spectra import Spectrum, band, clearest, first_band, visible
 from .start import linear_start
 from .thermal import only_white, weights
 
@@ -30,13 +31,14 @@ LONGEST = 14.0  # times the longest time constant: later samples have only noise
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit, its model, its unit of time (omega0, rad/s), and the spectra and segments it is of."""
+    """A fit, its model, its unit of time (omega0, rad/s), the spectra and segments it is of; `delay`: of the force."""
 
     fit: Fit
     shape: Shape
     unit: float
     spectra: tuple[Spectrum, ...]
     segments: tuple[Segment, ...]
+    delay: Delay | None = None
 
     def plain(self) -> dict[str, Any]:
         """The fit as JSON."""
@@ -55,6 +57,7 @@ class Fitted:
             "degrees_of_freedom": self.fit.freedom,
             "bins": sum(len(each.frequency) for each in self.spectra),
             "band_hz": [self.low, self.high],
+            **({} if self.delay is None else {"delay": self.delay.plain()}),
         }
 
     @property
@@ -85,16 +88,35 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     rough = [
         _shortened(each, ROUGH * clearest(one) * each.interval) for each, one in zip(segments, searches, strict=True)
     ]
-    whole = [_spectrum(each) for each in rough]
-    noise = np.stack([_first_noise(each) for each in whole])
-    parameters = _start(shape, rough, whole, unit, (low, high), noise)
+    steps = range(MAX_DELAY + 1) if drives else range(1)
+    tried = [_started(shape, rough, unit, (low, high), each) for each in steps]
+    # A delay by half a period more resembles a negative gain: each delay that is better than its neighbors is fitted.
+    sums = [math.inf, *(each[0] for each in tried), math.inf]
+    likely = [each for each in steps if sums[each + 1] <= min(sums[each], sums[each + 2])]
+    fits = [_followed(shape, segments, unit, (low, high), each, *tried[each][1:]) for each in likely]
+    return min(fits, key=_left)
+
+
+def _followed(
+    shape: Shape,
+    segments: Sequence[Segment],
+    unit: float,
+    edges: tuple[float, float],
+    delay: int,
+    parameters: Array,
+    noise: Array,
+) -> Fitted:
+    """The fit from this start and with this delay, in the band around its modes."""
+    low, high = edges
+    if shape.drives:
+        segments = [delayed(each, delay) for each in segments]
     total = only_white(noise)
     for _ in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
         slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
         segments = [_shortened(each, slowest) for each in segments]
-        whole = [_spectrum(each) for each in segments]
+        whole = [spectrum_of(each) for each in segments]
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]
@@ -104,11 +126,26 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
         low, high = new
         if same:
             break
-    return Fitted(fit, shape, unit, tuple(spectra), tuple(segments))
+    found = None
+    if shape.drives:
+        fit, spectra, found = fractional(shape, spectra, unit, fit, delay, segments)
+    return Fitted(fit, shape, unit, tuple(spectra), tuple(segments), found)
 
 
-def _spectrum(segment: Segment) -> Spectrum:
-    return spectrum(segment.motion, segment.force, segment.interval)
+def _left(fitted: Fitted) -> float:
+    """Logarithm of what a fit leaves, summed over its channels."""
+    return sum(float(np.log(np.mean(np.abs(each) ** 2, axis=0)).sum()) for each in fitted.fit.left)
+
+
+def _started(
+    shape: Shape, segments: Sequence[Segment], unit: float, edges: tuple[float, float], delay: int
+) -> tuple[float, Array, Array]:
+    """Sum of squares, first values and first noise, for a delay of the force by so many samples."""
+    if shape.drives:
+        segments = [delayed(each, delay) for each in segments]
+    whole = [spectrum_of(each) for each in segments]
+    noise = np.stack([_first_noise(each) for each in whole])
+    return *_start(shape, segments, whole, unit, edges, noise), noise
 
 
 def _shortened(segment: Segment, longest: float) -> Segment:
@@ -140,8 +177,8 @@ def _start(
     unit: float,
     edges: tuple[float, float],
     noise: Array,
-) -> Array:
-    """The best of the polished linear starts from the whole records and from their beginnings."""
+) -> tuple[float, Array]:
+    """The sum of squares and the parameters of the best of the polished linear starts from the whole records and from their beginnings."""
     within = [_wide_enough(each, *edges).thinned(MAX_START_BINS) for each in whole]
     found: list[tuple[float, Array]] = []
     for fraction in FRACTIONS if shape.drives == 0 else FRACTIONS[:1]:
@@ -149,7 +186,7 @@ def _start(
         spectra = (
             within
             if fraction == 1.0
-            else [_wide_enough(_spectrum(each), *edges).thinned(MAX_START_BINS) for each in shorter]
+            else [_wide_enough(spectrum_of(each), *edges).thinned(MAX_START_BINS) for each in shorter]
         )
         if min(len(each.frequency) for each in spectra) < MIN_START_BINS:
             continue
@@ -172,7 +209,7 @@ def _start(
             found.append((polished.squares, polished.parameters))
     if not found:
         raise ValueError(f"{segments[0].name}: no mode was found: is it a decay of at least a few periods?")
-    return min(found, key=lambda each: each[0])[1]
+    return min(found, key=lambda each: each[0])
 
 
 def _unscaled(shape: Shape, parameters: Array, ratio: Array) -> Array:

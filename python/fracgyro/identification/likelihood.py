@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import Complex, Shape, resolvent, sampled
+from .model import Complex, Sampled, Shape, resolvent, sampled
 from .spectra import Spectrum
 from .start import stable, stacked
 from .thermal import Noise, estimated, only_white, thermal_spectra, weights
@@ -91,6 +91,11 @@ def linearized(
     """The model at these parameters; `whiten`: of each record, as from `weights`."""
     residuals, jacobians, parts, transients, bases = [], [], [], [], []
     maps = {each.interval: sampled(shape, parameters, each.interval * unit) for each in spectra}
+    later = {
+        each.interval: sampled(shape, parameters, each.interval * unit * (1 - each.fraction))
+        for each in spectra
+        if each.fraction
+    }
     for one, weight in zip(spectra, whiten, strict=True):
         n, bins = shape.axes, len(one.frequency)
         found = maps[one.interval]
@@ -100,7 +105,7 @@ def linearized(
         columns = seen * turn[:, None, None]
         if shape.drives:
             columns = np.concatenate([columns, weight @ _feedthrough(one, unit, n)], axis=2)
-        driven = one.force @ found.held.T
+        driven, pushed_by = _driven(one, found, later.get(one.interval))
         forced = (seen @ driven[:, :, None])[:, :, 0]
         target = stacked(((weight @ one.motion[:, :, None])[:, :, 0] - forced).reshape(bins * n))
         matrix = stacked(columns.reshape(bins * n, -1))
@@ -112,8 +117,8 @@ def linearized(
         rest -= basis @ (basis.T @ rest)
         state = (inverse @ (driven + turn[:, None] * linear[None, : 2 * n])[:, :, None])[:, :, 0]
         by = found.less_one_by.transpose(2, 1, 0).reshape(2 * n, -1)
-        pushed = state @ by + one.force @ found.held_by.transpose(2, 1, 0).reshape(shape.drives, by.shape[1])
-        jacobian = stacked(-(seen @ pushed.reshape(bins, 2 * n, shape.count)).reshape(bins * n, shape.count))
+        pushed = (state @ by).reshape(bins, 2 * n, shape.count) + pushed_by
+        jacobian = stacked(-(seen @ pushed).reshape(bins * n, shape.count))
         jacobians.append(jacobian - basis @ (basis.T @ jacobian))
         residuals.append(rest)
         parts.append((rest[: bins * n] + 1j * rest[bins * n :]).reshape(bins, n))
@@ -122,16 +127,39 @@ def linearized(
     return Linearized(np.concatenate(residuals), np.concatenate(jacobians), parts, transients, bases)
 
 
+def _driven(one: Spectrum, maps: Sampled, later: Sampled | None) -> tuple[Complex, Complex]:
+    """What the force adds to the state in each interval, (bins, 2 axes), and its derivatives, (bins, 2 axes, count).
+
+    With a delay by a fraction of the interval the force of the sample before acts first: G(h) = G_first + G_later, with
+    G_later the map over the rest of the interval.
+    """
+    if later is None or one.before is None:
+        return one.force @ maps.held.T, _along(one.force, maps.held_by)
+    change = one.force - one.before
+    driven = one.before @ maps.held.T + change @ later.held.T
+    return driven, _along(one.before, maps.held_by) + _along(change, later.held_by)
+
+
+def _along(force: Complex, held_by: Array) -> Complex:
+    count, states, drives = held_by.shape
+    product = force @ held_by.transpose(2, 1, 0).reshape(drives, states * count)
+    return np.asarray(product.reshape(len(force), states, count), dtype=complex)
+
+
 def _feedthrough(one: Spectrum, unit: float, n: int) -> Complex:
-    """Columns of D0 U + (j w) D1 U, by rows of D0, then of D1: (bins, axes, 2 axes drives)."""
-    drives = one.force.shape[1]
+    """Columns of D0 U + (j w) D1 U, by rows of D0, then of D1: (bins, axes, 2 axes drives).
+
+    A sample sees the force that is held at its time: with a delay by a fraction of the interval that of the one before.
+    """
+    force = one.before if one.fraction and one.before is not None else one.force
+    drives = force.shape[1]
     found = np.zeros((len(one.frequency), n, 2 * n * drives), dtype=complex)
     middle = one.frequency.mean()
     for row in range(n):
         places = slice(row * drives, (row + 1) * drives)
-        found[:, row, places] = one.force
+        found[:, row, places] = force
         later = slice((n + row) * drives, (n + row + 1) * drives)
-        found[:, row, later] = 1j * (one.frequency - middle)[:, None] / unit * one.force
+        found[:, row, later] = 1j * (one.frequency - middle)[:, None] / unit * force
     return found
 
 

@@ -30,7 +30,8 @@ def least_squares(matrix: Array, target: Array) -> Array:
     """The least-squares solution, by QR of the tall matrix with its columns scaled, then SVD of the small triangle."""
     norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
     upper: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / norms, target]))[1])
-    return np.asarray(np.linalg.lstsq(upper[:-1, :-1], upper[:-1, -1], rcond=None)[0] / norms)
+    count = matrix.shape[1]
+    return np.asarray(np.linalg.lstsq(upper[:count, :count], upper[:count, -1], rcond=None)[0] / norms)
 
 
 def linear_start(shape: Shape, spectra: Sequence[Spectrum], unit: float) -> Array:

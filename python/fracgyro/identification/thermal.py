@@ -12,6 +12,7 @@ parameters absorb (H. D. Patterson, R. Thompson, Biometrika 58, 1971, 545-554).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -57,17 +58,22 @@ def only_white(deviations: Array) -> Noise:
 def process_covariance(shape: Shape, parameters: Array, interval: float) -> Array:
     """Covariance of the state that a white force of density 1 on each axis adds in an interval: (axes, 2 axes, 2 axes).
 
-    By C. Van Loan, IEEE Trans. Autom. Control 23, 1978, 395-404.
+    By C. Van Loan, IEEE Trans. Autom. Control 23, 1978, 395-404, for a small part of the interval, then by doubling it:
+    over all of it the growing solutions of a strongly damped device would overflow.
     """
     n = 2 * shape.axes
     matrix = generator(shape, parameters)[:n, :n]
+    doublings = max(math.ceil(math.log2(max(interval * float(np.abs(matrix).sum(axis=1).max()), 1.0))), 0)
     wide = np.zeros((shape.axes, 2 * n, 2 * n))
     wide[:, :n, :n], wide[:, n:, n:] = matrix, -matrix.T
     for axis in range(shape.axes):
         wide[axis, shape.axes + axis, n + shape.axes + axis] = 1.0
-    whole = exponential_less_one(interval * wide)
+    whole = exponential_less_one(interval / 2**doublings * wide)
     forward = np.eye(n) + whole[0, :n, :n]
     found = whole[:, :n, n:] @ forward.T
+    for _ in range(doublings):
+        found = found + forward @ found @ forward.T
+        forward = forward @ forward
     return np.asarray((found + found.transpose(0, 2, 1)) / 2)
 
 
