@@ -178,7 +178,7 @@ def _start(
     edges: tuple[float, float],
     noise: Array,
 ) -> tuple[float, Array]:
-    """The sum of squares and the parameters of the best of the polished linear starts from the whole records and from their beginnings."""
+    """Sum of squares and parameters of the best polished linear start, from whole records and from their beginnings."""
     within = [_wide_enough(each, *edges).thinned(MAX_START_BINS) for each in whole]
     found: list[tuple[float, Array]] = []
     for fraction in FRACTIONS if shape.drives == 0 else FRACTIONS[:1]:
