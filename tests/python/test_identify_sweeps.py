@@ -50,7 +50,7 @@ def test_a_weak_pick_off_does_not_hold_the_fit_in_a_local_minimum(seed: int) -> 
 
 
 def test_the_errors_of_weak_sweeps_follow_the_intervals_of_the_invariants() -> None:
-    """Eight draws; over K and C their squared errors are up to 7 times what the covariance says."""
+    """Eight draws; over K and C their squared errors are up to 7 times that of the covariance."""
     squares, largest = 0.0, 0.0
     for seed in (0, 1, 8, 10, 11, 12, 14, 28):
         found = fit_sweep(weak_sweep(seed))

@@ -15,7 +15,7 @@ from fracgyro.identification.records import of_arrays
 from scipy.linalg import expm
 
 BOLTZMANN = 1.380649e-23
-NOISE, SIZE = 1e-5, 1e-5  # of a sample and of the thermal motion, over the amplitude
+NOISE, SIZE = 1e-5, 1e-5  # deviation of a sample, and thermal motion, over the amplitude
 
 
 def fit(seed: int, size: float = SIZE) -> Fitted:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 FRACTIONS = (1.0, 0.25, 1 / 16)  # beginnings of each record from which a start is computed
 POLISH = 6  # steps before the starts are compared
 MIN_START_BINS = 10
-MAX_START_BINS = 1200  # of a record: in a long one the first band has many without a mode
+MAX_START_BINS = 1200  # limit for a record: in a long one the first band has many without a mode
 BANDS = 4  # fits, each in the band around the modes of the one before
 ROUGH = 4.0  # times the beginning in which the slowest mode is the clearest
 LONGEST = 14.0  # times the longest time constant: later samples have only noise
@@ -140,7 +140,7 @@ def _left(fitted: Fitted) -> float:
 def _started(
     shape: Shape, segments: Sequence[Segment], unit: float, edges: tuple[float, float], delay: int
 ) -> tuple[float, Array, Array]:
-    """Sum of squares, first values and first noise, for a delay of the force by so many samples."""
+    """Sum of squares, first values and first noise, for this delay of the force, in samples."""
     if shape.drives:
         segments = [delayed(each, delay) for each in segments]
     whole = [spectrum_of(each) for each in segments]

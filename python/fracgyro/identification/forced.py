@@ -25,7 +25,7 @@ MAX_DELAY = 8  # samples
 GAIN = 6.63  # decrease of the sum of squares of a fraction that is kept: 1 % of chi^2 with one degree of freedom
 SEARCHES, POLISH = 14, 4  # steps of the search for the fraction, and steps of each fit in it
 GOLDEN = (math.sqrt(5) - 1) / 2
-DIFFERENCE = 1e-4  # of the interval
+DIFFERENCE = 1e-4  # step of the derivative, in intervals
 
 
 @dataclass(frozen=True)

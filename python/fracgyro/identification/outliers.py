@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 NEIGHBORS = 4  # samples on each side
 FAR = 8.0  # standard deviations
 LEAST = 1e-6  # times the amplitude: smaller differences are rounding
-MOST = 1e-4  # of the samples, and at least one: more are not outliers but another motion
+MOST = 1e-4  # share of the samples, and at least one: more are not outliers but another motion
 FITTED = 50_000  # samples from which the interpolation is determined
 PASSES = 3
 
@@ -46,7 +46,7 @@ def outliers(row: Array) -> NDArray[np.int64]:
         rest = _rest(clean, row)
         limit = max(FAR * float(np.median(np.abs(rest))) / 0.6745, LEAST * size)
         far = np.flatnonzero(np.abs(rest) > limit)
-        # An outlier moves what is expected of its neighbors: of near ones only the largest counts.
+        # An outlier moves the interpolation of its neighbors: among near ones only the largest counts.
         kept = [k for k in far if np.abs(rest[k]) == np.abs(rest[max(k - NEIGHBORS, 0) : k + NEIGHBORS + 1]).max()]
         new = np.unique(np.concatenate([found, np.array(kept, dtype=np.int64) + NEIGHBORS]))
         if len(new) == len(found):

@@ -49,7 +49,7 @@ class Spectrum:
         return self.only((self.frequency >= low) & (self.frequency <= high))
 
     def thinned(self, bins: int) -> Spectrum:
-        """At most so many bins: half of them the strongest, the others evenly spread. Each bin obeys the model."""
+        """At most `bins` bins: half of them the strongest, the others evenly spread. Each bin obeys the model."""
         count = len(self.frequency)
         if count <= bins:
             return self

@@ -46,7 +46,7 @@ class Group:
 
 
 def invariants(parameters: NDArray[Any]) -> NDArray[Any]:
-    """The couplings and the characteristic polynomial in the place of the entries of K and C: (count, ...).
+    """The couplings and the characteristic polynomial instead of the entries of K and C: (count, ...).
 
     det(s^2 + s C + K) = u^2 + u (s p + q) + s r + t with u = s^2 + 1. A record shows p, q, r and t, which are the
     modes, far better than the couplings, and the diagonal of K and C depends on products of couplings: over K and C the

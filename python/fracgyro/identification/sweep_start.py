@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 
 PASSES = 12
 PHASES = 4  # first values of the instrument's phase
-WIDTHS = 12  # of the resonances that are tried
+WIDTHS = 12  # number that is tried
 CANDIDATES = 300  # frequencies at which they are tried
-ZOOMS, NEAR = 6, 4  # refinements, each of so many values on both sides
-MAX_POINTS = 2000  # of the sweep, in the search for resonances
+ZOOMS, NEAR = 6, 4  # refinements, and values on both sides in each
+MAX_POINTS = 2000  # limit in the search for resonances
 
 
 def starts(problem: SweepModel) -> list[Array]:

@@ -124,7 +124,7 @@ def estimated(
     """The variances with the largest restricted likelihood, from the residuals of a fit with the weights `whitened`.
 
     `columns`: of each record, (bins, axes, count), derivatives with respect to all that was fitted, so weighted too.
-    Thermal motion stays only if the ratio of the likelihoods says so.
+    Thermal motion stays only if the ratio of the likelihoods shows it.
     """
     records, axes = noise.white.shape
     parts = []
