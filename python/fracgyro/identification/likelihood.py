@@ -128,7 +128,7 @@ def linearized(
 
 
 def _driven(one: Spectrum, maps: Sampled, later: Sampled | None) -> tuple[Complex, Complex]:
-    """State that the force adds to the state in each interval, (bins, 2 axes), and its derivatives, (bins, 2 axes, count).
+    """Change of the state by the force in each interval, (bins, 2 axes), and its derivatives, (bins, 2 axes, count).
 
     With a delay by a fraction of the interval the force of the sample before acts first: G(h) = G_first + G_later, with
     G_later the map over the rest of the interval.
