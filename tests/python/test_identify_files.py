@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,8 @@ from fracgyro.identification.sweep import SweepFit, fit_sweep
 from fracgyro.identification.trends import line
 from fracgyro.scenario.amounts import amount
 
-REAL = Path(__file__).resolve().parents[2].parent / "shared/data/resonator"
+DATA = os.environ.get("FRACGYRO_RESONATOR")
+REAL = Path(DATA) if DATA else Path(__file__).resolve().parents[2].parent / "shared/data/resonator"
 SAMPLES, PER_PERIOD = 12_000, 8.0
 
 

@@ -43,7 +43,7 @@ def spectra_figures(fitted: Fitted) -> Iterator[tuple[str, str]]:
             noise = fitted.fit.noise[i]
             # In the scale of one.motion the noise of a bin is sqrt(2) times that of a sample.
             for k, (axis, panel) in enumerate(zip(segment.axes, panels, strict=True)):
-                left = fitted.fit.residuals[i][:, k] * noise[k]
+                left = fitted.fit.left[i][:, k]
                 measured = one.motion[:, k]
                 every = max(len(hertz) // MAX_POINTS, 1)
                 panel.semilogy(hertz, np.abs(measured), ".", color=COLORS[k % 2], markersize=2, label="record")
