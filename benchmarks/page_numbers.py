@@ -812,6 +812,11 @@ def sensing_task() -> Rows:
     return [*rows, ["all others, `paper` among them", "no gains found", *[""] * (len(columns) - 1)]]
 
 
+def stiffer(name: str) -> float:
+    """Noise at rest over that without the change, if the stiffness is 5 % larger."""
+    return number(cell("compare_rate", "K +5 %", **{"section": SENSED, ERROR: name}))
+
+
 def abs_of(text: str) -> float:
     return abs(number(text)) if re.search(r"\d", text) else 0.0
 
@@ -828,6 +833,8 @@ COMPARE: dict[str, Callable[[], str]] = {
     "surfaces": surfaces,
     **extremes("resonance", partial(at_resonance, LEARN_THE_PLANT), short),
     "resonance.next": lambda: short(min(at_resonance(LEARN_THE_PLANT, others=True))),
+    "rate.park.stiff": lambda: thousands(float(f"{stiffer('park_horowitz'):.2g}")),
+    "rate.lqg.stiff": lambda: short(stiffer("lqg")),
     "rate.lqg_over": lambda: cell(
         "compare_rate", "over force rebalance's (95 %)", section=SENSED, contender="lqg"
     ).split()[0],
