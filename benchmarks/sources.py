@@ -50,6 +50,7 @@ SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 WITHOUT_LOG = {
     "experiments_page": "runs the examples of docs/experiments.md, which a test compares",
+    "front_picture": "draws docs/compare.svg, which a test compares",
     "readme_picture": "draws docs/run.svg, which a test compares",
     "record_pictures": "makes examples/records, whose figures a test compares, and their pictures",
 }
