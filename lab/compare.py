@@ -167,11 +167,11 @@ def log_of(name: str, result: Compared, quick: bool) -> list[str]:
     lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
     named = result.rows[0]["scenario"]
     for words, rows in tables_of(result.rows, with_ceiling=False, unnamed=named) if result.limits else []:
-        lines += [f"### the front: {words}", "", *front(rows, result.limits), ""]
+        lines += [f"## The front: {words}", "", *front(rows, result.limits), ""]
     for limit in result.limits:
         lines += [f"No limit: {limit['scenario']}, class {limit['class']}: {limit['why']}", ""] if limit["why"] else []
     for words, rows in tables_of(result.rows, with_ceiling=True, unnamed=named):
-        lines += [f"### {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
+        lines += [f"## {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
     return lines[:-1]
 
 
