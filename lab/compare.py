@@ -133,16 +133,16 @@ def rounded(value: Any) -> Any:
 def shortened(row: Row, metrics: Sequence[str]) -> Row:
     """Without what no table shows."""
     shown = {name: value for name, value in row["metrics"].items() if name in metrics}
-    others = {
-        name: {key: found[key] for key in ("value", "lost", "chattering")} for name, found in row["others"].items()
-    }
+    others = {name: {key: found[key] for key in ("value", "lost")} for name, found in row["others"].items()}
     return {**row, "metrics": shown, "others": others}
 
 
 def thinned(front: list[list[float]]) -> list[list[float]]:
     """Points of a front whose error is some percent below that of the point before, and its ends."""
-    kept = front[:1]
-    kept += [point for i, point in enumerate(front[1:], 1) if point[1] < STEP * kept[-1][1] or i == len(front) - 1]
+    kept: list[list[float]] = []
+    for point in front:
+        if not kept or point is front[-1] or point[1] < STEP * kept[-1][1]:
+            kept.append(point)
     return kept
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import itertools
 import json
 import math
 import re
@@ -785,3 +787,15 @@ def test_a_scenario_whose_noise_has_no_seeds_is_refused(tmp_path: Path) -> None:
 def test_cells_have_names_of_their_own() -> None:
     assert Cell("paper", "F", 1e-13, 0.0035).name == "paper-F-1e-13-0.0035"
     assert Cell("dual_mass", "P", 0.0, 0.0).name == "dual_mass-P-0"
+
+
+def test_the_fronts_of_the_log_have_steps_of_some_percent(monkeypatch: pytest.MonkeyPatch) -> None:
+    root = Path(__file__).resolve().parents[2]
+    for folder in ("benchmarks", "lab"):
+        monkeypatch.syspath_prepend(root / folder)
+    log = importlib.import_module("compare")
+    front = [[float(i), 0.99**i] for i in range(200)]
+    kept = log.thinned(front)
+    assert (kept[0], kept[-1]) == (front[0], front[-1])
+    steps = [later[1] / point[1] for point, later in itertools.pairwise(kept[:-1])]
+    assert all(0.95 < step < log.STEP for step in steps)
