@@ -325,8 +325,10 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
 # adaptation.rate_forgetting is 2 pi 100 Hz: least squares have an answer of first order with 45 degrees of lag there.
 @pytest.mark.parametrize(
     ("scenario", "bandwidth", "lag"),
-    [(fg.Scenario.shipped("dual_mass"), (85, 105), (45, 100)), (exactly_sensed("dual_mass"), (97, 103), (43, 47))],
-    ids=["joint", "composite"],
+    [
+        pytest.param(fg.Scenario.shipped("dual_mass"), (85, 105), (45, 100), id="joint"),
+        pytest.param(exactly_sensed("dual_mass"), (97, 103), (43, 47), marks=pytest.mark.nightly, id="composite"),
+    ],
 )
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
     scenario: fg.Scenario, bandwidth: tuple[float, float], lag: tuple[float, float]
