@@ -4,6 +4,7 @@
 # make test-quick  run the tests that fail most often after a change, in less than a minute
 # make test-machines    run every test as on other processors, with other compilers and Pythons: for a release
 # make web         build the WebAssembly module and the live page, into build/web
+# make live        open the live page in the browser
 # make lint        run the checks that need neither a compiler nor the installed module; list outdated logs
 # make cpp-test    build and run one C++ test: TEST=guard is tests/cpp/test_guard.cpp
 # make bench       regenerate all logs that docs/performance.md and others quote; takes most of a day.
@@ -50,8 +51,8 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce built test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware \
-  mutants test-core test-python web bench bench-behind logs-current pages compare board article docs wheel lock \
-  setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
+  mutants test-core test-python web live bench bench-behind logs-current pages compare board article docs wheel \
+  lock setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 
@@ -116,6 +117,9 @@ cpp-test: .venv/tools setup-test
 
 web: .venv/installed-export
 	$(BIN)/python -m fracgyro.export.live build/web
+
+live: .venv/installed-export
+	$(BIN)/fracgyro live paper
 
 bench: .venv/installed-bench .venv/installed-export .venv/installed-mutants
 	$(BIN)/python benchmarks/bench.py $(ARGS)

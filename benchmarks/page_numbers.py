@@ -924,4 +924,13 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "cycles": cycles,
     "routed": routed,
 }
-NUMBERS: dict[str, Callable[[], str]] = {**RATE_SENSOR, **FIRMWARE, **PAPER, **OVERVIEW, **COMPARE, **FPGA}
+# -- README.md ---------------------------------------------------------------------------------------------------------
+
+INSTALL: dict[str, Callable[[], str]] = {
+    "install.light": lambda: logs.row("install", extra="none")["MB"],
+    "install.report": lambda: logs.row("install", extra="report")["MB"],
+    "install.all": lambda: thousands(number(logs.row("install", extra="all")["MB"])),
+    "install.processor": lambda: said("install", r"takes (\d+) s of processor time"),
+    "install.seconds": lambda: said("install", r"processes, (\d+) s on this machine"),
+}
+NUMBERS: dict[str, Callable[[], str]] = {**INSTALL, **RATE_SENSOR, **FIRMWARE, **PAPER, **OVERVIEW, **COMPARE, **FPGA}

@@ -15,6 +15,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import controllers
+import illustrations
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.export.web import settings_types
 from fracgyro.scenario import Scenario
@@ -102,6 +103,9 @@ class Gathered:
             folder, _, page = name.rpartition("/")
             text = "\n".join(self.linked(path.read_text(encoding="utf-8"), path, name))
             text = text.replace(controllers.MARK, controllers.overview())
+            for picture in set(illustrations.MARK.findall(text)):
+                self.put(f"pictures/site-{picture}.svg", illustrations.drawn(picture))
+            text = illustrations.MARK.sub(lambda found: illustrations.markdown(found[1]), text)
             if folder in LISTED:
                 text = "\n".join([text, "", *self.listed(folder)]) if page == "index" else f"{ORPHAN}{text}"
             self.put(f"{name}.md", text)
