@@ -72,9 +72,19 @@ PAGES = {
 }
 LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for developers
 PICTURES = {".svg", ".png"}
+CODE = {".hpp"}  # a link to a name in such a file leads to its line
 # Listed on a page, but not in the sidebar of every page, which would take a third of the build time.
 LISTED = {"decisions", "measured"}
 ORPHAN = "---\norphan: true\n---\n\n"
+
+
+def line_of(path: Path, name: str) -> int:
+    """Line on which a C++ header defines this name first. Raises ValueError if it does not."""
+    defining = re.compile(rf"^ *(template|static|constexpr|inline|struct)\b.*\b{name}\b[(\s]")
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if defining.match(line):
+            return number
+    raise ValueError(f"{path.name} does not define {name}")
 
 
 def pages() -> dict[str, Path]:
@@ -174,6 +184,8 @@ class Gathered:
                 shutil.copyfile(found, copied)
             self.written.add(copied)
             return f"/pictures/{found.name}"
+        if anchor and found.suffix in CODE:
+            anchor = f"L{line_of(found, anchor)}"
         kind = "tree" if found.is_dir() else "blob"
         return f"{REPOSITORY}/{kind}/main/{found.relative_to(ROOT).as_posix()}{hash_sign}{anchor}"
 

@@ -12,10 +12,12 @@ import os
 import pathlib
 import pkgutil
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 import zlib
 from collections.abc import Iterator
 from functools import cache
@@ -27,6 +29,7 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import quote, unquote, urljoin, urlsplit
 
+import click
 import fracgyro as fg
 import fracgyro_fpga
 import fracgyro_lab as lab
@@ -34,6 +37,7 @@ import numpy as np
 import pytest
 from browser import served, violations, watched
 from children import PATIENCE
+from fracgyro.cli import cli
 from shared import live_page, shared
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -237,6 +241,45 @@ def test_the_scenario_reference_shows_the_fields_of_a_kind(site: Path, browser: 
         assert [shown(each) for each in fields] == [True, False, True]
         choice.select_option("")
         assert [shown(each) for each in fields] == [True, True, True]
+
+
+def test_a_link_to_a_name_in_the_code_leads_to_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs/site")
+    gathered = run_path(str(ROOT / "docs/site/pages.py"))["Gathered"](tmp_path)
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    links = re.findall(r"\]\((include/[\w/]+\.hpp)#(\w+)\)", text)
+    assert len(links) >= 8
+    for file, name in links:
+        line = gathered.target(f"{file}#{name}", ROOT / "ARCHITECTURE.md", "x").rpartition("#L")[2]
+        assert re.search(rf"\b{name}\b", (ROOT / file).read_text(encoding="utf-8").splitlines()[int(line) - 1])
+    with pytest.raises(ValueError, match=r"error\.hpp does not define no_name"):
+        gathered.target("include/fracgyro/control/error.hpp#no_name", ROOT / "ARCHITECTURE.md", "x")
+
+
+# -- Command line ------------------------------------------------------------------------------------------------------
+
+
+def command_names(group: click.Group, context: click.Context, before: str = "") -> Iterator[str]:
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        if isinstance(command, click.Group):
+            yield from command_names(command, context, f"{name} ")
+        else:
+            yield before + name
+
+
+def test_every_command_has_examples_that_it_understands() -> None:
+    examples = tomllib.loads((ROOT / "docs/site/examples.toml").read_text(encoding="utf-8"))
+    assert set(examples) == set(command_names(cli, click.Context(cli)))
+    for name, lines in examples.items():
+        assert any(line.startswith(f"fracgyro {name}") for line in lines)
+        for line in lines:
+            words = shlex.split(line.partition(" > ")[0])[1:]
+            found: click.Command | None = cli
+            while isinstance(found, click.Group):
+                found = found.get_command(click.Context(found), words.pop(0))
+            assert found is not None
+            found.make_context(name, words)  # raises an error if an option is wrong or one is missing
 
 
 # -- First words -----------------------------------------------------------------------------------------------------
