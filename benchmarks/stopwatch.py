@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 
 from machine import ROOT, command, machine, write
 
-DEPENDS_ON = ["pyproject.toml", "CMakeLists.txt", "docs/controllers.md"]
+DEPENDS_ON = ["pyproject.toml", "CMakeLists.txt"]
 
 PICTURE_MARK, LAW_MARK = 180, 600  # s
 KEPT = ("PATH", "LANG", "SSL_CERT_FILE", "REQUESTS_CA_BUNDLE", "PIP_INDEX_URL", "PIP_CERT", "PIP_CONFIG_FILE")
@@ -77,8 +77,8 @@ def main() -> None:
         f"Made by `{command()}`: the computer's time from an empty folder, without a cache, for each command and in "
         "total. Reading and typing are not included.",
         "",
-        f"Machine: {machine()}. It was shared: {busy:.0f} processes ran on {os.cpu_count()} processors, so the processor "
-        "time is that of a quiet machine with one processor, apart from downloads.",
+        f"Machine: {machine()}. It was shared: {busy:.0f} processes ran on {os.cpu_count()} processors. The "
+        "processor time is that of a quiet machine with one processor, apart from downloads.",
     ]
     with tempfile.TemporaryDirectory() as name:
         room = Path(name)

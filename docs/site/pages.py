@@ -53,6 +53,7 @@ PAGES = {
     "how-to/fpga": "docs/fpga.md",
     "how-to/fpga-folder": "fpga/fracgyro_fpga/verilog/README.md",
     "how-to/tuned-gains": "examples/tuning/README.md",
+    "how-to/notebooks": "examples/notebooks/README.md",
     "understand/equations": "EQUATIONS.md",
     "understand/paper": "docs/paper.md",
     "understand/errata": "docs/errata.md",
