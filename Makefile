@@ -5,6 +5,7 @@
 # make test-nightly     run the tests that `make test` leaves out: other cases of what it tests once, and slow ones
 # make test-machines    run every test as on other processors, with other compilers and Pythons: for a release
 # make web         build the WebAssembly module and the live page, into build/web
+# make live        open the live page in the browser
 # make lint        run the checks that need neither a compiler nor the installed module; list outdated logs
 # make cpp-test    build and run one C++ test: TEST=guard is tests/cpp/test_guard.cpp
 # make bench       regenerate all logs that docs/performance.md and others quote; takes most of a day.
@@ -51,7 +52,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce built test test-quick test-nightly test-machines lint check cpp-test check-deep check-sanitized \
-  fuzz-firmware mutants test-core test-python web bench bench-behind logs-current pages compare board article docs \
+  fuzz-firmware mutants test-core test-python web live bench bench-behind logs-current pages compare board article docs \
   wheel lock setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
@@ -120,6 +121,9 @@ cpp-test: .venv/tools setup-test
 
 web: .venv/installed-export
 	$(BIN)/python -m fracgyro.export.live build/web
+
+live: .venv/installed-export
+	$(BIN)/fracgyro live paper
 
 bench: .venv/installed-bench .venv/installed-export .venv/installed-mutants
 	$(BIN)/python benchmarks/bench.py $(ARGS)

@@ -15,6 +15,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
+from browser import faults_of_report
 from children import run_until
 from command_server import fracgyro
 from figure_data import column, figure_data
@@ -28,6 +29,7 @@ from fracgyro_lab.comparison.contender import Contained, Contender, Gain
 from fracgyro_lab.comparison.converge import AGREED, Point, converged, search
 from fracgyro_lab.comparison.own import own_contender
 from fracgyro_lab.comparison.plan import FIRST_HELD_OUT, QUICK, planned
+from fracgyro_lab.comparison.plots import Fronts
 from fracgyro_lab.comparison.rate import Rate
 from fracgyro_lab.comparison.report import limit_row, remarks
 from fracgyro_lab.comparison.rows import Tuned, made, other, ratio, ratio_of, verdict
@@ -560,6 +562,18 @@ def test_compare_json_has_what_others_rely_on(small: Compared) -> None:
     assert [at["ceiling"] for at in limit["ceilings"]] == [0.0035, 0.05]
     assert [row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["metrics"]]
     assert {row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["ratio"]} == {1.0}
+
+
+def test_the_report_is_accessible_and_fits(browser: Any, small: Compared) -> None:
+    assert faults_of_report(browser, small.report) == []
+
+
+def test_no_two_contenders_of_the_fronts_have_one_color() -> None:
+    """With all contenders of the committed comparison, of which many are among the best of a table."""
+    path = Path(__file__).resolve().parents[2] / "benchmarks/results/compare-track.json"
+    rows = json.loads(path.read_text(encoding="utf-8"))["contenders"]
+    colors = [color for color, _ in Fronts(rows, [])._looks.values()]
+    assert len(colors) == len(set(colors)) > 8
 
 
 def test_the_numbers_behind_the_figures_are_those_of_compare_json(small: Compared) -> None:

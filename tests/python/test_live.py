@@ -20,10 +20,11 @@ from browser import served, violations, watched
 from children import PATIENCE
 from embedded import need
 from fracgyro.cli.simulate import _change
-from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data, write_page
-from fracgyro.export.web import build, document
+from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data
+from fracgyro.export.web import document
 from fracgyro.scenario.kinds import KINDS
 from matplotlib import image
+from shared import live_page
 
 # -- The page's state, in node -------------------------------------------------------------------------------------
 
@@ -327,10 +328,7 @@ STILL = {"reduced_motion": "reduce"}  # starts paused at t = 0
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     need("browser")
-    made = tmp_path_factory.mktemp("live")
-    build(made)
-    write_page(made / "live", made / "fracgyro.wasm")
-    return made / "live"
+    return live_page(tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
+from browser import faults_of_report
 from figure_data import column, figure_data
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
 from fracgyro.rate.measure import measure
@@ -135,6 +136,10 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((folder / "out" / "rate.json").read_text(encoding="utf-8"))
     return folder / "out"
+
+
+def test_the_report_is_accessible_and_fits(browser: Any, report: Path) -> None:
+    assert faults_of_report(browser, report / "report.html") == []
 
 
 def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:

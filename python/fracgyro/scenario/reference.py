@@ -33,10 +33,10 @@ from .to_core import core_setup
 
 HEAD = """# Scenario reference
 
-Made by `python -m fracgyro.scenario.reference > docs/reference.md` from what the core and the tables of a scenario say
-of themselves. The unit of time is 1/omega0, of length q0, of mass m: `plant.reference_frequency`,
-`plant.reference_length` and `plant.mass`; h is `run.step`. [EQUATIONS.md](../EQUATIONS.md) has the equations in which
-the fields stand.
+Every field of a scenario with its unit, range, default and meaning, and every variable of a run. The unit of time is
+1/omega0, of length q0, of mass m: `plant.reference_frequency`, `plant.reference_length` and `plant.mass`; h is
+`run.step`. [EQUATIONS.md](../EQUATIONS.md) has the equations in which the fields stand. Made by
+`python -m fracgyro.scenario.reference > docs/reference.md` from the core and the tables of a scenario.
 """
 FIELDS = ("field", "unit", "range", "default", "meaning")
 VARIABLES = ("variable", "unit", "parts", "meaning")
