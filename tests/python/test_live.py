@@ -67,6 +67,7 @@ ADDRESSES = {
     "positions": "sensors=positions",
     "a drawn figure": "figure=1+0,0+1,-1+-1",
     "a drawn figure, from positions": "figure=0+0,1+0.5,0+1.25&sensors=positions&b=yours",
+    "a drawn figure, after another motion": "figure=1+0,0+1,-1+-1&reference.amplitude.x=2&reference.offset.y=0.5",
     "both, with another strength of noise": "rate=sine&sensors=positions&disturbance.standard_deviation=2",
     **{f"law {law}": f"a={law}" for law in laws()},
     **{f"law {law}, from positions": f"a={law}&sensors=positions" for law in ("least_squares", "joint", "lqg")},

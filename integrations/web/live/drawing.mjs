@@ -1,4 +1,4 @@
-// Where a visitor draws a figure for the mass to follow.
+// A canvas on which a visitor draws a figure for the mass to follow, its points as text, and ready figures.
 import { $ } from "./controls.mjs";
 import { FIGURES, pointsOf, textOf } from "./figure.mjs";
 import { fitted } from "./plot.mjs";

@@ -1,4 +1,4 @@
-// Where a visitor writes a function, with the numbers of its lines.
+// An editor for a visitor's function, with the numbers of its lines.
 import { $ } from "./controls.mjs";
 
 export class Editor {
@@ -14,7 +14,7 @@ export class Editor {
     $("run-code").addEventListener("click", () => run($("code").value));
   }
 
-  // note: what is said below it.
+  // note: text below it.
   show(text, note) {
     $("code").value = text;
     $("code-note").textContent = note;

@@ -1,7 +1,7 @@
 // A figure that a visitor draws, as a reference: points of a closed line, and its Fourier series.
 
 const HARMONICS = 8;
-const SAMPLES = 256; // of the line, at equal distances
+const SAMPLES = 256; // points at equal distances along the line
 const FARTHEST = 2; // coordinate of a point, q0
 const MOST = 200; // points
 const KEPT = 40; // points of a drawn line

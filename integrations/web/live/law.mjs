@@ -27,7 +27,7 @@ function watched(call) {
   };
 }
 
-// What a law is given of the gyroscope of a scenario.
+// The gyroscope of a scenario, as a law gets it.
 export function plantOf({ settings, scales }) {
   const of = (matrix) =>
     ["xx", "xy", "yy"].map((part) => settings[`plant.${matrix}.${part}`] / (scales[`plant.${matrix}.${part}`] ?? 1));
