@@ -52,8 +52,8 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce built test test-quick test-nightly test-machines lint check cpp-test check-deep check-sanitized \
-  fuzz-firmware mutants test-core test-python web live bench bench-behind logs-current pages compare board article docs \
-  wheel lock setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
+  fuzz-firmware mutants test-core test-python web live bench bench-behind logs-current pages compare board article \
+  docs wheel lock setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 

@@ -25,6 +25,7 @@ export async function load({ wasm, data } = {}) {
 
 const LARGEST_RECORD = 2e9; // bytes
 const BUFFERED = 4096; // rows
+const INPUTS = 11; // numbers of a sample that a law is given
 // What the guard thinks of a sample, by number; 5 is a saved state refused.
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 // Numbers of the datasheet that the filter of the measured motions needs.
@@ -45,8 +46,8 @@ class Fracgyro {
   }
 
   // The closed loop from t = 0 to run.duration.
-  async simulate(scenario, changes = {}) {
-    const { settings, loop } = await this.#started(scenario, changes);
+  async simulate(scenario, changes = {}, { law } = {}) {
+    const { settings, loop } = await this.#started(scenario, changes, law);
     const { "run.step": step, "run.record_every": every } = settings;
     const samples = stepsOf(settings) + 1;
     const width = loop.columns.length;
@@ -68,8 +69,8 @@ class Fracgyro {
   }
 
   // The closed loop in parts, from t = 0 on, and beyond run.duration if asked.
-  async loop(scenario, changes = {}) {
-    const { settings, sensing, core, loop, valuesOf } = await this.#started(scenario, changes);
+  async loop(scenario, changes = {}, { law } = {}) {
+    const { settings, sensing, core, loop, valuesOf } = await this.#started(scenario, changes, law);
     const step = settings["run.step"];
     const first = { ...settings };
     // The key identifies the start of the loop; kind, sensors and exponentials are not among the values.
@@ -77,7 +78,12 @@ class Fracgyro {
     const { reference = null, device = null } = scenario;
     const started = [design.map((name) => first[name]), sensing, valuesOf(first), reference, device];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
-    const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
+    const saved = () => {
+      if (law) {
+        throw new RangeError("state cannot be saved or set: the memory of a law of your own is not in it");
+      }
+      return new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
+    };
     const checked = (before, changes) => this.#checked(before, changes);
     const isFixed = (name) => this.fields[name].fixed;
     // Returns true if a running loop accepts these settings.
@@ -128,8 +134,9 @@ class Fracgyro {
         core.loop_kick(...velocity);
       },
       get state() {
+        const own = saved();
         core.loop_save();
-        const content = joined(utf8(`${JSON.stringify(settings, toJson)}\n`), saved());
+        const content = joined(utf8(`${JSON.stringify(settings, toJson)}\n`), own);
         return joined(key, bytesOf(checksum(content)), content);
       },
       set state(bytes) {
@@ -200,15 +207,24 @@ class Fracgyro {
     };
   }
 
-  // A loop, in an instance of its own, that writes rows of its columns.
-  async #started(scenario, changes) {
-    const prepared = await this.#prepare(scenario, changes);
-    const { core, settings, reported, observed } = prepared;
+  // A loop, in an instance of its own, that writes rows of its columns. `given`: a law of the caller's, or undefined.
+  async #started(scenario, changes, given) {
+    const law = given && new Law(given, this.#data);
+    const prepared = await this.#prepare(scenario, changes, law);
+    const { core, settings, observed } = prepared;
+    const reported = law ? law.columns : prepared.reported;
+    if (law && settings["controller.filter"] !== "none") {
+      throw new RangeError(`controller.filter is ${settings["controller.filter"]}: with a law of your own it is none`);
+    }
     const device = observed || settings["controller.filter"] === "kalman" || "device" in scenario;
     const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const width = columns.length;
     const buffer = core.room_for(BUFFERED * width) >>> 0;
-    core.loop_start();
+    if (law) {
+      core.loop_start_law(law.columns.length, law.columns.indexOf("rate_estimate"));
+    } else {
+      core.loop_start();
+    }
     const loop = {
       columns,
       diverged: false,
@@ -234,9 +250,12 @@ class Fracgyro {
   }
 
   // An instance of its own for each loop and each controller: whatever it holds goes with it.
-  async #prepare(scenario, changes) {
+  async #prepare(scenario, changes, law) {
     const settings = this.#checked(scenario.settings, changes);
-    const core = new Core(await WebAssembly.instantiate(this.#module));
+    const called = (input, output) => {
+      law.step(core.doubles(input, INPUTS), core.doubles(output, 2 + law.columns.length));
+    };
+    const core = new Core(await WebAssembly.instantiate(this.#module, { caller: { law: called } }));
     const steps = stepsOf(settings);
     const { device, disturbance } = scenario;
     if ((device || disturbance) && settings["run.step"] !== scenario.settings["run.step"]) {
@@ -354,6 +373,67 @@ class Fracgyro {
     }
   }
 }
+
+// A law returns what no controller can, or is none.
+export class LawError extends RangeError {}
+
+// A law of the caller's, a function or { force, report }, as the core calls it.
+class Law {
+  #given;
+  #reports = []; // [name, whether it is a pair]
+
+  constructor(given, { loop }) {
+    this.#given = typeof given === "function" ? { force: given } : given;
+    if (typeof this.#given.force !== "function") {
+      throw new LawError("the law must be a function, or have a function force");
+    }
+    const report = this.#given.report?.() ?? {};
+    const taken = Object.keys(report).find((name) => loop.some((column) => channelOf(column) === name));
+    if (taken) {
+      throw new LawError(`report() of the law has ${taken}, which the loop itself records: choose another name`);
+    }
+    this.#reports = Object.entries(report).map(([name, value]) => [name, isPair(value)]);
+    this.columns = this.#reports.flatMap(([name, pair]) => (pair ? [`${name}.x`, `${name}.y`] : [name]));
+    this.#reported();
+  }
+
+  #reported() {
+    const report = this.#reports.length ? this.#given.report() : {};
+    return this.#reports.flatMap(([name, pair]) => {
+      const value = report?.[name];
+      if (pair ? !isPair(value) : typeof value !== "number") {
+        const wanted = pair ? "two numbers" : "a number, or two at every sample";
+        throw new LawError(`report() of the law has ${name} ${listed(value)}: it must be ${wanted}`);
+      }
+      return value;
+    });
+  }
+
+  // From the numbers of a sample, the force and the reports into `out`.
+  step([time, x, y, vx, vy, rx, ry, drx, dry, ax, ay], out) {
+    const force = this.#given.force({
+      time,
+      position: [x, y],
+      velocity: [vx, vy],
+      reference: [rx, ry],
+      reference_velocity: [drx, dry],
+      reference_acceleration: [ax, ay],
+      error: [x - rx, y - ry],
+      error_rate: [vx - drx, vy - dry],
+    });
+    if (!isPair(force) || !Array.from(force).every(Number.isFinite)) {
+      const at = Number(time.toPrecision(9));
+      throw new LawError(`the law returned ${listed(force)} at t = ${at}: it must return two finite numbers`);
+    }
+    out.set(force);
+    out.set(this.#reported(), 2);
+  }
+}
+
+const isPair = (value) =>
+  value !== null && typeof value === "object" && value.length === 2 && Array.from(value).every(isNumber);
+const isNumber = (value) => typeof value === "number";
+const listed = (value) => (value?.length >= 0 && typeof value === "object" ? `[${Array.from(value)}]` : String(value));
 
 // The exports of one instance, and views of its memory.
 class Core {
