@@ -115,3 +115,56 @@ class Pid:
         if (wanted - force) @ e >= 0:
             self.integral = self.integral + self.h * c.integral_frequency * square * e
         return np.asarray(force)
+
+
+class Laws:
+    """The estimated plant, which the laws (44) move."""
+
+    def __init__(self, scenario: fg.Scenario) -> None:
+        self.gains, self.h = scenario.adaptation, scenario.run.step
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
+        self.adaptive = scenario.controller.adaptive
+
+    def force(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return np.asarray((self.damping + self.coriolis) @ velocity + self.stiffness @ position)
+
+    def learn(self, position: np.ndarray, velocity: np.ndarray, s: np.ndarray) -> None:
+        if self.adaptive:
+            turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+            moves, holds = np.outer(velocity, s), np.outer(position, s)
+            self.damping = self.damping - self.h * self.gains.damping_gain / 2 * (moves + moves.T)
+            self.stiffness = self.stiffness - self.h * self.gains.stiffness_gain / 2 * (holds + holds.T)
+            self.coriolis = self.coriolis + 2 * self.h * self.gains.rate_gain * (moves[1, 0] - moves[0, 1]) * turn
+
+
+class DynamicSliding:
+    """The force of a step from sigma at its end, which the reaching law gives."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held, self.laws = held_points(scenario), Laws(scenario)
+        self.force, self.reached = np.zeros(2), 0
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h, laws = self.c, self.h, self.laws
+        q, v = np.array(s.position), np.array(s.velocity)
+        e, de = q - np.array(s.reference), v - np.array(s.reference_velocity)
+        position, velocity, acceleration = self.held[:, round(s.time / h)]
+        along = laws.force(position, velocity) + acceleration
+        damper, spring = c.surface_gain + c.reaching_rate, c.surface_gain * c.reaching_rate
+        before = self.force - laws.force(e, de)
+        sigma = before + damper * de + spring * e
+        keeps = np.exp(-c.force_bandwidth * h)
+        switches = keeps * (1 - np.exp(-c.switching_rate * h / c.switching_layer)) * sigma
+        left = keeps * sigma - np.clip(switches, -c.switching_rate * h, c.switching_rate * h)
+        # The acceleration a of the coming step: w - f+ + damper (de + h a) + spring (e + h de + h^2/2 a) = left, with
+        # w = a + f and the force f+ of the plant at the end by the acceleration before.
+        grows = laws.force(h * de + h * h / 2 * before, h * before)
+        now = (left + grows - damper * de - spring * (e + h * de)) / (1 + h * damper + h * h / 2 * spring)
+        wanted = along + now + laws.force(e, de)
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.force = force - along
+        if (wanted - force) @ sigma >= 0:
+            laws.learn(q, v, de + c.surface_gain * e)
+        return np.asarray(force)

@@ -54,6 +54,11 @@ INTEGRAL = (
     Gain("controller.integral_rate", 0.01, 500.0, below="0 is the law without it"),
     Gain("controller.disturbance_observer", 3.0, 400.0, above=LATE),
 )
+DYNAMIC = (
+    Gain("controller.surface_gain", 3.0, 600.0),
+    Gain("controller.reaching_rate", 3.0, 600.0),
+    Gain("controller.force_bandwidth", 10.0, 800.0, above="0.8 over the step"),
+)
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -62,6 +67,7 @@ TWISTING = (
 
 ORIGINAL = "Complexity 2020, 8542961"
 BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004 (from memory)"
+CASCADED = "doi 10.3390/mi12020190 (abstract read); docs/decisions/0053"
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
@@ -278,6 +284,14 @@ UNFILTERED = (
         kind("disturbance_rejection") | {"controller.nominal_model": True},
         ESO,
         classes=("P",),
+    ),
+    Contender(
+        "dynamic",
+        "adaptive dynamic sliding mode",
+        CASCADED,
+        kind("dynamic"),
+        (*DYNAMIC, LAWS),
+        observer=OBSERVER,
     ),
 )
 
