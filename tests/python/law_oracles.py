@@ -168,3 +168,39 @@ class DynamicSliding:
         if (wanted - force) @ sigma >= 0:
             laws.learn(q, v, de + c.surface_gain * e)
         return np.asarray(force)
+
+
+class FixedTime:
+    """The held reaching step by its root in sqrt|s|."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held, self.laws = held_points(scenario), Laws(scenario)
+        self.reached = 0
+
+    def taken(self, size: float) -> float:
+        """The rate at which |s| falls in a step."""
+        c, h, root = self.c, self.h, np.sqrt(size)
+        if c.reaching == "explicit":
+            return float(c.near_reaching * root + c.far_reaching * root**3)
+        roots = np.roots([h / 2 * c.far_reaching, 1.0, h / 2 * c.near_reaching - root])
+        return float((size - max(roots.max(), 0.0) ** 2) / h)
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, laws = self.c, self.laws
+        q, v, r, dr = (np.array(x) for x in (s.position, s.velocity, s.reference, s.reference_velocity))
+        e, de = q - r, v - dr
+        position, velocity, acceleration = self.held[:, round(s.time / self.h)]
+        size = np.maximum(np.abs(e), c.near_floor)
+        surface = de + np.sign(e) * (
+            c.near_gain * np.abs(e) ** c.near_exponent + c.far_gain * np.abs(e) ** c.far_exponent
+        )
+        slope = c.near_gain * c.near_exponent * size ** (c.near_exponent - 1)
+        slope = slope + c.far_gain * c.far_exponent * np.abs(e) ** (c.far_exponent - 1)
+        reach = np.sign(surface) * [self.taken(abs(one)) for one in surface]
+        wanted = laws.force(q + position - r, v + velocity - dr) + acceleration - slope * de - reach
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        if (wanted - force) @ surface >= 0:
+            laws.learn(q, v, surface)
+        return np.asarray(force)

@@ -50,16 +50,14 @@ struct DynamicSlidingParams {
 };
 
 template <Scalar T>
-struct DynamicSlidingReport : PlantReport<T> {
-    Vec2<T> surface{};  // s
+struct DynamicSlidingReport : SlidingReport<T> {
     Vec2<T> dynamic{};  // σ
 
     static constexpr auto fields() {
         using R = DynamicSlidingReport;
         return std::tuple_cat(
-            std::tuple{momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s")),
-                       momentary(channel("dynamic_surface", &R::dynamic, "q0*omega0^2", "dynamic surface sigma"))},
-            PlantReport<T>::fields());
+            SlidingReport<T>::fields(),
+            std::tuple{momentary(channel("dynamic_surface", &R::dynamic, "q0*omega0^2", "dynamic surface sigma"))});
     }
 };
 
@@ -99,9 +97,7 @@ struct DynamicSliding {
                 .most = T(switches)};
     }
 
-    static Report report(const State& state, const Coefficients& c) {
-        return {Base::report(state.base, c.base), {}, {}};
-    }
+    static Report report(const State& state, const Coefficients& c) { return {{Base::report(state.base, c.base)}}; }
     static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
     static void start_over(State& state, bool keep_estimates) {

@@ -4,6 +4,7 @@
 #include "fracgyro/controllers/conventional.hpp"
 #include "fracgyro/controllers/disturbance_rejection.hpp"
 #include "fracgyro/controllers/dynamic_sliding.hpp"
+#include "fracgyro/controllers/fixed_time.hpp"
 #include "fracgyro/controllers/integral_sliding.hpp"
 #include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/controllers/least_squares_pid.hpp"
@@ -53,6 +54,7 @@ using Registry = std::tuple<
     Entry<"resonant", One<Resonant>, "PID with resonators at the frequencies of the reference">,
     Entry<"integral_sliding", One<IntegralSliding>, "integral sliding mode with a disturbance observer">,
     Entry<"dynamic", One<DynamicSliding>, "adaptive dynamic sliding mode: the rate of the force switches">,
+    Entry<"fixed_time", One<FixedTime>, "adaptive fixed-time sliding mode">,
     Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">,
     Entry<"nonsingular_terminal", One<NonsingularTerminal>, "adaptive nonsingular (fast) terminal sliding mode">,
     Entry<"park_horowitz", One<ParkHorowitz>, "adaptive control of Park and Horowitz">,

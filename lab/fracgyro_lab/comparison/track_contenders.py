@@ -59,6 +59,14 @@ DYNAMIC = (
     Gain("controller.reaching_rate", 3.0, 600.0),
     Gain("controller.force_bandwidth", 10.0, 800.0, above="0.8 over the step"),
 )
+FIXED_TIME = (
+    Gain("controller.near_gain", 0.1, 300.0, below="0 is the law without it"),
+    Gain("controller.far_gain", 0.1, 300.0, below="0 is the law without it"),
+    Gain("controller.near_exponent", 0.4, 0.95, log=False, below="the loop magnifies rounding", above="1 is linear"),
+    Gain("controller.far_exponent", 1.05, 1.95, log=False, below="1 is linear", above="2 is the range of the field"),
+    Gain("controller.near_reaching", 0.1, 3000.0),
+    Gain("controller.far_reaching", 1.0, 3000.0),
+)
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -68,6 +76,7 @@ TWISTING = (
 ORIGINAL = "Complexity 2020, 8542961"
 BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004 (from memory)"
 CASCADED = "doi 10.3390/mi12020190 (abstract read); docs/decisions/0053"
+POLYAKOV = "Polyakov 2012, doi 10.1109/TAC.2011.2179869 (from memory); docs/decisions/0053"
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
@@ -291,6 +300,14 @@ UNFILTERED = (
         CASCADED,
         kind("dynamic"),
         (*DYNAMIC, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "fixed_time",
+        "adaptive fixed-time sliding mode",
+        POLYAKOV,
+        kind("fixed_time"),
+        (*FIXED_TIME, LAWS),
         observer=OBSERVER,
     ),
 )
