@@ -204,3 +204,52 @@ class FixedTime:
         if (wanted - force) @ surface >= 0:
             laws.learn(q, v, surface)
         return np.asarray(force)
+
+
+class Prescribed:
+    """The derivative of the velocity that it follows by a difference, and the bound in closed form."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held, self.laws = held_points(scenario), Laws(scenario)
+        self.xi = max(self.c.barrier_scale, 2 * self.h / self.c.bound_final)
+        self.reached, self.widened = 0, 0
+
+    def epsilon(self, e: np.ndarray, rho: np.ndarray, course: np.ndarray) -> np.ndarray:
+        return np.asarray(np.arctanh(np.clip(e / rho, -1 + 2**-10, 1 - 2**-10)) / (self.xi * course / rho))
+
+    def follows(self, e: np.ndarray, rho: np.ndarray, course: np.ndarray) -> np.ndarray:
+        """alpha less the velocity of the reference."""
+        c, epsilon = self.c, self.epsilon(e, rho, course)
+        phi = 2**-0.75 * c.barrier_root * np.sign(epsilon) * np.sqrt(np.abs(epsilon)) + c.barrier_cube / 4 * epsilon**3
+        barrier = self.xi * course * (1 - (e / rho) ** 2)
+        return np.asarray(-c.bound_rate * (1 - c.bound_final / rho) * e - barrier * phi)
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, laws, h = self.c, self.laws, self.h
+        q, v, r, dr = (np.array(x) for x in (s.position, s.velocity, s.reference, s.reference_velocity))
+        e, de, n = q - r, v - dr, round(s.time / h)
+        if n == 0:
+            self.first = self.rho = np.maximum(1.2 * np.abs(e), c.bound_start)
+        course = c.bound_final + (self.first - c.bound_final) * np.exp(-c.bound_rate * s.time)
+        self.rho = np.where(np.abs(e) > (1 - 2**-10) * self.rho, 1.2 * np.abs(e), self.rho)
+        self.widened += bool(np.any(self.rho > 1.01 * course))
+        fall = -c.bound_rate * (self.rho - c.bound_final), -c.bound_rate * (course - c.bound_final)
+        small = 1e-7
+        ends = [self.follows(e + t * de, self.rho + t * fall[0], course + t * fall[1]) for t in (-small, small)]
+        z = de - self.follows(e, self.rho, course)
+        barrier = np.maximum(self.xi * course * (1 - (e / self.rho) ** 2), 2 * h)
+        damps = (
+            c.damper * np.abs(z) + 2**-0.75 * c.damper_root * np.sqrt(np.abs(z)) + c.damper_cube / 4 * np.abs(z) ** 3
+        )
+        turns = (ends[1] - ends[0]) / (2 * small) - self.epsilon(e, self.rho, course) / barrier
+        position, velocity, acceleration = self.held[:, n]
+        wanted = laws.force(q + position - r, v + velocity - dr) + acceleration + turns
+        wanted = wanted - np.sign(z) * np.minimum(damps, np.abs(z) / h)
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.rho = c.bound_final + np.exp(-c.bound_rate * h) * (self.rho - c.bound_final)
+        self.rho = np.where(force != wanted, np.maximum(self.rho, 1.2 * np.abs(e)), self.rho)
+        if (wanted - force) @ z >= 0:
+            laws.learn(q, v, z)
+        return np.asarray(force)

@@ -12,6 +12,7 @@
 #include "fracgyro/controllers/nonsingular_terminal.hpp"
 #include "fracgyro/controllers/park_horowitz.hpp"
 #include "fracgyro/controllers/pid.hpp"
+#include "fracgyro/controllers/prescribed.hpp"
 #include "fracgyro/controllers/resonant.hpp"
 #include "fracgyro/controllers/sliding_mode.hpp"
 #include "fracgyro/controllers/super_twisting.hpp"
@@ -55,6 +56,7 @@ using Registry = std::tuple<
     Entry<"integral_sliding", One<IntegralSliding>, "integral sliding mode with a disturbance observer">,
     Entry<"dynamic", One<DynamicSliding>, "adaptive dynamic sliding mode: the rate of the force switches">,
     Entry<"fixed_time", One<FixedTime>, "adaptive fixed-time sliding mode">,
+    Entry<"prescribed", One<Prescribed>, "prescribed performance: a barrier at a bound that shrinks">,
     Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">,
     Entry<"nonsingular_terminal", One<NonsingularTerminal>, "adaptive nonsingular (fast) terminal sliding mode">,
     Entry<"park_horowitz", One<ParkHorowitz>, "adaptive control of Park and Horowitz">,

@@ -67,6 +67,14 @@ FIXED_TIME = (
     Gain("controller.near_reaching", 0.1, 3000.0),
     Gain("controller.far_reaching", 1.0, 3000.0),
 )
+PRESCRIBED = (
+    Gain("controller.bound_final", 1e-3, 0.5),
+    Gain("controller.bound_rate", 0.1, 20.0),
+    Gain("controller.barrier_scale", 2e-3, 50.0, below="the step raises it"),
+    Gain("controller.damper_root", 0.01, 1000.0, below="0 is the law without it"),
+    Gain("controller.damper_cube", 0.01, 1e4, below="0 is the law without it"),
+    Gain("controller.damper", 10.0, 800.0, above="0.8 over the step"),
+)
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -77,6 +85,7 @@ ORIGINAL = "Complexity 2020, 8542961"
 BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004 (from memory)"
 CASCADED = "doi 10.3390/mi12020190 (abstract read); docs/decisions/0053"
 POLYAKOV = "Polyakov 2012, doi 10.1109/TAC.2011.2179869 (from memory); docs/decisions/0053"
+BOUNDED = "2023, doi 10.1049/cth2.12484 (abstract and code read); docs/decisions/0053"
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
@@ -308,6 +317,14 @@ UNFILTERED = (
         POLYAKOV,
         kind("fixed_time"),
         (*FIXED_TIME, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "prescribed",
+        "prescribed performance on the nominal plant",
+        BOUNDED,
+        kind("prescribed") | {"controller.adaptive": False},
+        PRESCRIBED,
         observer=OBSERVER,
     ),
 )
