@@ -253,3 +253,57 @@ class Prescribed:
         if (wanted - force) @ z >= 0:
             laws.learn(q, v, z)
         return np.asarray(force)
+
+
+class Network:
+    """The basis functions of the paper's reference, whose amplitudes are 1: positions, then velocities."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held = held_points(scenario)
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
+        reference = scenario.reference
+        self.frequency, self.phase = np.array(reference.frequency), np.array(reference.phase)
+        nodes, period = int(self.c.nodes), 2 * np.pi / self.frequency.min()
+        self.centers = self.orbit(np.arange(nodes) / nodes * period)
+        if self.c.layout == "diagonal":
+            self.centers = np.linspace(-1, 1, nodes)[:, None] * np.ones(4)
+        on_orbit = [self.phi(x) for x in self.orbit(np.arange(256) / 256 * period)]
+        self.largest = max(phi @ phi for phi in on_orbit)
+        self.rate = self.h * min(self.c.learning_frequency**2, 0.9 * self.c.reaching_rate / self.h)
+        self.weights, self.theta, self.reached = np.zeros((len(on_orbit[0]), 2)), 0.0, 0
+
+    def orbit(self, time: np.ndarray) -> np.ndarray:
+        angle = self.frequency * time[:, None] + self.phase
+        return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
+
+    def phi(self, x: np.ndarray) -> np.ndarray:
+        if self.c.basis == "gaussian":
+            return np.asarray(np.exp(-((x - self.centers) ** 2).sum(axis=1) / (2 * self.c.node_width**2)))
+        if self.c.basis == "chebyshev":
+            angle = np.arccos(np.clip(x, -1, 1))
+            return np.concatenate([[1.0], *(np.cos(k * angle) for k in range(1, int(self.c.polynomial_degree) + 1))])
+        return np.array([1.0, *x] if self.c.basis == "linear" else [1.0])
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h = self.c, self.h
+        e = np.array(s.position) - np.array(s.reference)
+        de = np.array(s.velocity) - np.array(s.reference_velocity)
+        position, velocity, acceleration = self.held[:, round(s.time / h)]
+        q, v = position + e, velocity + de
+        surface = de + c.surface_gain * e
+        seen = (position, velocity) if c.network_inputs == "reference" else (q, v)
+        phi = self.phi(np.concatenate([seen[0], seen[1] / self.frequency]))
+        share = min(phi @ phi / self.largest, 1.0)
+        learned = -self.theta * share / 2 * surface if c.minimal else phi @ self.weights
+        model = (self.damping + self.coriolis) @ v + self.stiffness @ q if c.model else 0.0
+        switching = c.switching_force * np.clip(surface / c.surface_layer, -1, 1)
+        wanted = model + acceleration - c.surface_gain * de - c.reaching_rate * surface - switching + learned
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        active, norm = float((wanted - force) @ surface >= 0), np.linalg.norm(surface)
+        self.theta = self.theta * np.exp(-h * c.weight_leak) + active * self.rate * share * norm**2 / 2
+        self.theta = min(self.theta, 2 * (0.8 / h - c.reaching_rate))
+        keep = np.exp(-h * (c.weight_leak + c.error_leak * norm))
+        self.weights = keep * self.weights - active * self.rate / max(phi @ phi, self.largest) * np.outer(phi, surface)
+        return np.asarray(force)

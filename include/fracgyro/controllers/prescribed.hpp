@@ -13,8 +13,8 @@
 //    nothing of a lasting error.
 //
 //    Sampled, the spring of the barrier is limited to a frequency of 1/(2h): ξ is at least 2h/ρ_∞, and B of ε/B at
-//    least 2h. No damper takes more than z in a step. A bound that is left, |H| > 1 - 2⁻¹⁰, and one at the force limit is
-//    widened to 1.2 |e|, with the spring that it had, and shrinks from there.
+//    least 2h. No damper takes more than z in a step. A bound that is left, |H| > 1 - 2⁻¹⁰, and one at the force limit
+//    is widened to 1.2 |e|, with the spring that it had, and shrinks from there.
 //
 // Source: 2023, doi 10.1049/cth2.12484 (abstract and code read); docs/decisions/0053.
 #pragma once

@@ -9,6 +9,7 @@
 #include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/controllers/least_squares_pid.hpp"
 #include "fracgyro/controllers/lqg.hpp"
+#include "fracgyro/controllers/network.hpp"
 #include "fracgyro/controllers/nonsingular_terminal.hpp"
 #include "fracgyro/controllers/park_horowitz.hpp"
 #include "fracgyro/controllers/pid.hpp"
@@ -57,6 +58,7 @@ using Registry = std::tuple<
     Entry<"dynamic", One<DynamicSliding>, "adaptive dynamic sliding mode: the rate of the force switches">,
     Entry<"fixed_time", One<FixedTime>, "adaptive fixed-time sliding mode">,
     Entry<"prescribed", One<Prescribed>, "prescribed performance: a barrier at a bound that shrinks">,
+    Entry<"network", One<Network>, "sliding mode with a network that learns what the model lacks">,
     Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">,
     Entry<"nonsingular_terminal", One<NonsingularTerminal>, "adaptive nonsingular (fast) terminal sliding mode">,
     Entry<"park_horowitz", One<ParkHorowitz>, "adaptive control of Park and Horowitz">,

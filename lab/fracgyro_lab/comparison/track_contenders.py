@@ -75,6 +75,13 @@ PRESCRIBED = (
     Gain("controller.damper_cube", 0.01, 1e4, below="0 is the law without it"),
     Gain("controller.damper", 10.0, 800.0, above="0.8 over the step"),
 )
+NETWORK = (
+    Gain("controller.surface_gain", 3.0, 600.0),
+    Gain("controller.reaching_rate", 10.0, 800.0, above="0.8 over the step"),
+    Gain("controller.learning_frequency", 1.0, 150.0, above=LATE),
+    Gain("controller.weight_leak", 1e-4, 3.0, below="0 is the law without it"),
+)
+WIDTH = Gain("controller.node_width", 0.2, 3.0, above="the nodes are nearly one constant")
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -86,6 +93,7 @@ BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008
 CASCADED = "doi 10.3390/mi12020190 (abstract read); docs/decisions/0053"
 POLYAKOV = "Polyakov 2012, doi 10.1109/TAC.2011.2179869 (from memory); docs/decisions/0053"
 BOUNDED = "2023, doi 10.1049/cth2.12484 (abstract and code read); docs/decisions/0053"
+NEURAL = "doi 10.1155/2014/159047 (abstract read); docs/decisions/0053"
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
@@ -326,6 +334,21 @@ UNFILTERED = (
         kind("prescribed") | {"controller.adaptive": False},
         PRESCRIBED,
         observer=OBSERVER,
+    ),
+    *(
+        Contender(
+            name,
+            f"sliding mode with {words}",
+            NEURAL,
+            kind("network") | {"controller.basis": basis},
+            (*NETWORK, *more),
+            observer=OBSERVER,
+        )
+        for name, basis, words, more in (
+            ("network", "gaussian", "a network of 16 Gaussian nodes on the orbit", (WIDTH,)),
+            ("network_constant", "constant", "a network of one constant node: an integral", ()),
+            ("network_chebyshev", "chebyshev", "Chebyshev polynomials of degree 2", ()),
+        )
     ),
 )
 
