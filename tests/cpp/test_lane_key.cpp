@@ -25,6 +25,13 @@ const std::map<std::string, Switch> switches_of_others{
     {"adaptation.forgetting", {0.0, 1.0, 2.0}},
     {"controller.reaching_exponent", {0.5, 0.0, 0.0}},
     {"controller.position_exponent", {1.8, 2.0, 2.5}},
+    {"controller.reaching", {1.0, 0.0, 0.0}},
+    {"controller.minimal", {0.0, 1.0, 1.0}},
+    {"controller.network_inputs", {0.0, 1.0, 1.0}},
+    {"controller.weight_leak", {0.0, 1.0, 2.0}},
+    {"controller.error_leak", {0.0, 1.0, 2.0}},
+    {"controller.basis", {2.0, 0.0, 0.0}},
+    {"controller.nodes", {16.0, 8.0, 8.0}},
 };
 
 const std::map<std::string, Switch> switches_of_the_filter{
