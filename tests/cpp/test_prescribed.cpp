@@ -88,8 +88,8 @@ TYPED_TEST(PrescribedOf, TheBoundBeginsBeyondTheErrorAndTakesItsCourse) {
         for (int n = 0; n < 30; ++n) {
             const auto report = this->step(n == 0 ? start : 0.0).report;
             const double bound = 0.25 + (first - 0.25) * std::exp(-0.1 * n);
-            EXPECT_NEAR(number(report.bound.x()), bound, this->tolerance);
-            EXPECT_NEAR(number(report.bound.y()), 0.25 + 0.75 * std::exp(-0.1 * n), this->tolerance);
+            EXPECT_NEAR(number(report.error_bound.x()), bound, this->tolerance);
+            EXPECT_NEAR(number(report.error_bound.y()), 0.25 + 0.75 * std::exp(-0.1 * n), this->tolerance);
             EXPECT_NEAR(number(report.frequency.x()), 1.0 / (0.5 * bound), 10.0 * this->tolerance);
             EXPECT_EQ(number(report.left), 0.0);
             EXPECT_EQ(number(report.widened), 0.0);
@@ -101,14 +101,14 @@ TYPED_TEST(PrescribedOf, OneBadSampleWidensTheBoundOfItsAxisUntilItHasShrunkAgai
     this->prepare(unlearned({.bound_final = 0.25, .bound_rate = 100.0}));
     this->step(0.0);
     auto report = this->step(5.0).report;
-    EXPECT_NEAR(number(report.bound.x()), 1.2 * 5.0, this->tolerance);
-    EXPECT_NEAR(number(report.bound.y()), 0.25 + 0.75 * std::exp(-0.1), this->tolerance);
+    EXPECT_NEAR(number(report.error_bound.x()), 1.2 * 5.0, this->tolerance);
+    EXPECT_NEAR(number(report.error_bound.y()), 0.25 + 0.75 * std::exp(-0.1), this->tolerance);
     report = this->step(0.0).report;
     // The spring is that of the course.
     EXPECT_NEAR(number(report.frequency.x()), 1.0 / (0.5 * (0.25 + 0.75 * std::exp(-0.2))), 10.0 * this->tolerance);
     EXPECT_EQ(number(report.left), 1.0);
     EXPECT_EQ(number(report.widened), 1.0);
-    EXPECT_NEAR(number(report.bound.x()), 0.25 + 5.75 * std::exp(-0.1), 10.0 * this->tolerance);
+    EXPECT_NEAR(number(report.error_bound.x()), 0.25 + 5.75 * std::exp(-0.1), 10.0 * this->tolerance);
 }
 
 TYPED_TEST(PrescribedOf, AtTheForceLimitTheBoundKeepsItsDistance) {
@@ -117,7 +117,7 @@ TYPED_TEST(PrescribedOf, AtTheForceLimitTheBoundKeepsItsDistance) {
     for (int n = 0; n < 20; ++n) {
         const auto signals = this->step(0.5);
         EXPECT_EQ(number(signals.force.x()), -10.0);
-        EXPECT_NEAR(number(signals.report.bound.x()), bound, this->tolerance) << n;
+        EXPECT_NEAR(number(signals.report.error_bound.x()), bound, this->tolerance) << n;
         bound = std::max(0.1 + (bound - 0.1) * std::exp(-0.1), 1.2 * 0.5);
     }
     EXPECT_EQ(number(this->state.left), 1.0);  // the course went on, below the error
@@ -158,11 +158,11 @@ TYPED_TEST(PrescribedOf, WithoutASampleNothingIsLearnedOrWidenedAndTheBoundShrin
     const Sample<TypeParam> assumed{.value = vec2<TypeParam>(9.0, 9.0)};
     C::step(this->state, this->c, {}, &assumed);
     EXPECT_EQ(learned(), before);
-    EXPECT_NEAR(number(this->step(0.0).report.bound.x()), 0.25 + 0.75 * std::exp(-0.2), this->tolerance);
+    EXPECT_NEAR(number(this->step(0.0).report.error_bound.x()), 0.25 + 0.75 * std::exp(-0.2), this->tolerance);
     EXPECT_EQ(number(this->state.left), 0.0);
     C::start_over(this->state, true);
     EXPECT_EQ(learned(), before);
-    EXPECT_NEAR(number(this->step(3.0).report.bound.x()), 3.6, 10.0 * this->tolerance);
+    EXPECT_NEAR(number(this->step(3.0).report.error_bound.x()), 3.6, 10.0 * this->tolerance);
     C::start_over(this->state, false);
     EXPECT_EQ(learned(), 0.0);
 }
@@ -181,7 +181,7 @@ Kept run(const Law& law, Vec2<double> start) {
     Kept found{};
     for (int n = 0; n < 4000; ++n) {
         const Vec2<double> error = absolute(loop.step());
-        const Vec2<double>& bound = loop.signals.report.bound;
+        const Vec2<double>& bound = loop.signals.report.error_bound;
         found.share = std::max({found.share, error.x() / bound.x(), error.y() / bound.y()});
         found.error = n < 3000 ? 0.0 : std::max({found.error, error.x(), error.y()});
     }

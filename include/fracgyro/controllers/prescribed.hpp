@@ -59,13 +59,13 @@ struct PrescribedParams {
 
 template <Scalar T>
 struct PrescribedReport : PlantReport<T> {
-    Vec2<T> bound{}, frequency{};  // ρ, 1/(ξ ρ)
+    Vec2<T> error_bound{}, frequency{};  // ρ, 1/(ξ ρ)
     T widened{}, left{};
 
     static constexpr auto fields() {
         using R = PrescribedReport;
         return std::tuple_cat(
-            std::tuple{momentary(channel("error_bound", &R::bound, "q0", "bound of the error, rho")),
+            std::tuple{momentary(channel("error_bound", &R::error_bound, "q0", "bound of the error, rho")),
                        momentary(channel("barrier_frequency", &R::frequency, "omega0",
                                          "frequency of the barrier's spring at no error, 1/(xi rho)"))},
             PlantReport<T>::fields(),
@@ -148,7 +148,7 @@ struct Prescribed {
         if (missing == nullptr) {
             follow(state, c, size);
         }
-        const Vec2<T> bound = signals.report.bound = maximum(state.bound, c.last);
+        const Vec2<T> bound = signals.report.error_bound = maximum(state.bound, c.last);
         const Vec2<T> course = maximum(state.prescribed, c.last);
         const Vec2<T> width = c.scale * course;  // ξ ρ
         signals.report.frequency = reciprocal(width);
