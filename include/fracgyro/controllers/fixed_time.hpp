@@ -9,7 +9,7 @@
 //    on each axis with μ < 1 < ν, so that a and k₁ act near zero, b and k₂ far from it; q, v and r̈ of the force are
 //    moved along the reference to the held point (feedforward.hpp). The time is at most
 //
-//        1/(a (1 - μ)) + 1/(b (ν - 1)) + π/√(k₁ k₂)
+//        1/(a (1 - μ)) + 1/(b (ν - 1)) + π/(k₁ k₂)^½
 //
 //    Explicitly, a step h of the last two terms diverges from √|s| = 2/(h k₂) on and cycles about zero. Held, it is
 //    implicit in √|s|: the force (z² - |s|) sign(s)/h brings |s| to z² with z + ½ h (k₁ + k₂ z²) = √|s|, or to zero if
