@@ -12,6 +12,7 @@
 # make logs-current     fail if a log is older than its sources
 # make pages       update the numbers of README.md and docs/ from the logs
 # make compare     compare the controllers, in full; into benchmarks/results/compare_*.md
+# make board       write the page of the board, build/board/index.html, from the entries in lab/board
 # make article     typeset the replication article; into build/article/article.pdf
 # make docs        build the documentation site, into build/site
 # make wheel       build sdist and wheel and test them in a clean environment; into dist
@@ -49,8 +50,8 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce built test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware \
-  mutants test-core test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test \
-  setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
+  mutants test-core test-python web bench bench-behind logs-current pages compare board article docs wheel lock \
+  setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 
@@ -142,6 +143,10 @@ lock: $(BIN)/pip
 compare: .venv/installed-test
 	$(BIN)/python lab/compare.py $(ARGS)
 
+# The entries are made by `fracgyro enter`; no law runs here.
+board: .venv/installed-test
+	$(BIN)/python -m fracgyro_lab.board lab/board build/board benchmarks/results/flops.md
+
 # Takes half a minute for its own runs. ARGS="--seeds 8": fewer noise seeds than the study's 100.
 article: .venv/installed-article
 	$(BIN)/python lab/article/build.py $(ARGS)
@@ -152,6 +157,7 @@ docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
 	$(SPHINX) -b html build/site-source build/site
 	$(BIN)/python -m fracgyro.export.live build/web && cp -r build/web/live build/site/
+	$(BIN)/python -m fracgyro_lab.board lab/board build/site/board benchmarks/results/flops.md
 
 # Random inputs: every one must work or be refused in one sentence. One line per fuzzer.
 FUZZ_SECONDS := 40

@@ -1,5 +1,6 @@
 // Operations of a step of each controller, by a number type that counts them: flops.py writes what it prints.
 #include "fracgyro/controllers/registry.hpp"
+#include "fracgyro/hardware/motion_filter.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -80,6 +81,10 @@ void count_all(std::string_view kind, const Common& common, List<Types...>) {
             count<C>(kind, adaptation, "full", params, common);
         }
         count<typename FromPositions<C>::Type>(kind, adaptation, "position", params, common);
+        if constexpr (takes_filter<C>) {
+            count<Filtered<C, true>>(kind, adaptation, "full_filtered", params, common);
+            count<Filtered<C, false>>(kind, adaptation, "position_filtered", params, common);
+        }
         ++adaptation;
     };
     (both(static_cast<const Types*>(nullptr)), ...);
@@ -96,6 +101,8 @@ int main() {
     common.nominal = {.damping = {0.01, 0.002, 0.01}, .stiffness = {355.0, 71.0, 533.0}, .rate = 0.1};
     common.force_limit = 1000.0;
     common.observer_bandwidth = 300.0;
+    common.filter = {.bandwidth = 100.0,
+                     .assumed = {.force_noise = 1.0, .position_noise = 7e-5, .velocity_noise = 7e-5}};
     [&]<class... Entries>(const std::tuple<Entries...>*) {
         (count_all<typename Entries::Type>(Entries::kind, common, typename Entries::Type::template Types<Counted>{}),
          ...);

@@ -13,6 +13,7 @@ from machine import command, write
 HERE = Path(__file__).parent
 ADAPTATIONS = ["gradient", "composite", "joint"]
 SENSING = {"full": "positions and velocities", "position": "positions only"}
+SENSING |= {f"{name}_filtered": f"{words}, filter" for name, words in SENSING.items()}
 SLIDING = ["fractional_fast_terminal", "fractional", "fast_terminal", "linear"]
 Cells = list[str]
 
@@ -27,7 +28,10 @@ def counted() -> list[list[str]]:
 
 
 def state_bytes(kind: str, adaptation: str, sensing: str) -> int:
-    changes: dict[str, object] = {"controller.kind": kind, "device.sensing": sensing}
+    measured, _, filtered = sensing.partition("_")
+    changes: dict[str, object] = {"controller.kind": kind, "device.sensing": measured}
+    if filtered:
+        changes |= {"controller.filter": "kalman", "device.position_noise_density": 1e-13}
     if kind in SLIDING:
         changes["adaptation.kind"] = adaptation
     return len(fg.Controller(fg.Scenario.paper().replace(changes))._core.state)
@@ -46,10 +50,11 @@ def main() -> None:
     heads += ["roots", "powers", "flops", "state, bytes"]
     lines = ["# Operations of a step", "", f"Made by `{command()}`.", ""]
     lines += [
-        "Mean of 1000 steps near the paper's reference, with a force limit, the default gains, 10 exponentials and a "
-        "terminal exponent other than one half, counted by a number type that counts. Flops: all but the comparisons, "
-        "each root and power as one. Positions only: with the observer, where a controller has no filter of its own. "
-        "State: what changes while running, in double precision, the guard not included.",
+        "Mean of 1000 steps near the paper's reference, with a force limit, the default gains, 10 exponentials and "
+        "a terminal exponent other than one half, counted by a number type that counts. Flops: all but the "
+        "comparisons, each root and power as one. Positions only: with the observer, where a controller has no "
+        "filter of its own. Filter: `controller.filter` is kalman. State: what changes while running, in double "
+        "precision, the guard not included.",
         "",
         f"| {' | '.join(heads)} |",
         "|---|---|---" + "|---:" * (len(heads) - 3) + "|",

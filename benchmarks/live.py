@@ -79,11 +79,11 @@ def log(browser: Any, address: str, folder: Path) -> None:
     page = (folder / "live/index.html").read_bytes()
     parts = {
         "module, packed": len(packed((folder / "fracgyro.wasm").read_bytes())),
-        "scripts of the page": len(bundled(FACE / "live/live.mjs").encode()),
-        "scripts of the worker": len(bundled(FACE / "live/worker.mjs").encode()),
+        "scripts of the page, packed": len(packed(bundled(FACE / "live/live.mjs").encode())),
+        "scripts of the worker, packed": len(packed(bundled(FACE / "live/worker.mjs").encode())),
         "style": (FACE / "live/live.css").stat().st_size,
     }
-    parts["text, and data of every law"] = len(page) - sum(parts.values())
+    parts["text, and data of every law and gyroscope"] = len(page) - sum(parts.values())
     lines = [
         "# The live page",
         "",

@@ -653,14 +653,37 @@ def performance() -> Rows:
 
 BATCHES = ("doubles, noise per run", "doubles, one noise", "floats, noise per run", "floats, one noise")
 TRACKED = [("F", "0.0035"), ("F", "0.05"), ("P", "0.0035"), ("P", "0.05")]
+STEADY = "steady, over the limit"
 
 
 def section(information: str, ceiling: str) -> str:
     return f"class {information}, 1e-13 m/√Hz, chattering ≤ {ceiling}"
 
 
-def over_papers(contender: str, place: tuple[str, str]) -> str:
-    return cell("compare_track", "over the paper's (95 %)", section=section(*place), contender=contender)
+def tracked(contender: str, column: str) -> list[str]:
+    """Cells of a contender in the four settings with noise, the limit among them."""
+    return [cell("compare_track", column, section=section(*place), contender=contender) for place in TRACKED]
+
+
+def steady(contender: str) -> list[float]:
+    """Steady error over the limit, where the contender keeps the ceiling."""
+    return [number(each) for each in tracked(contender, STEADY) if re.search(r"\d", each)]
+
+
+def surfaces() -> str:
+    """Largest difference of the paper's surface and the linear one, both on the filter, in percent."""
+    pairs = zip(*(map(number, tracked(f"{name}_kalman", FOUND)) for name in ("paper", "linear")), strict=True)
+    return f"{max(100 * abs(theirs / mine - 1) for mine, theirs in pairs):.0f}"
+
+
+def at_resonance(names: tuple[str, ...], others: bool = False) -> list[float]:
+    """Steady error over the limit on `dual_mass` of these contenders, or of all others."""
+    rows = [r for r in logs.rows("compare_track", STEADY) if r["section"].startswith("dual_mass")]
+    found = [r for r in rows if (r["contender"] in names) != others and "beyond a limit" not in r["remarks"]]
+    return [number(r[STEADY]) for r in found if r["contender"] != "limit" and re.search(r"\d", r[STEADY])]
+
+
+LEARN_THE_PLANT = ("lqg", "lqg_exact_delay", "paper_joint")
 
 
 def runs() -> list[float]:
@@ -668,10 +691,6 @@ def runs() -> list[float]:
         1000 * number(cell("loop", "median", **{"": "fracgyro, C++"})),
         milliseconds(one_run("C++ only, memory reused")),
     ]
-
-
-def ratios(contender: str) -> list[float]:
-    return [number(over_papers(contender, place)) for place in TRACKED]
 
 
 def extremes(name: str, of: Callable[[], list[float]], form: Callable[[float], str]) -> dict[str, Callable[[], str]]:
@@ -686,50 +705,88 @@ def rounded(value: float) -> str:
 OVERVIEW: dict[str, Callable[[], str]] = {
     **extremes("run", runs, lambda value: f"{value:.0f}"),
     **extremes("history", lambda: peers("full history"), rounded),
-    **extremes("lqg", partial(ratios, "lqg"), lambda value: f"{value:.2f}"),
-    **extremes("paper_joint", partial(ratios, "paper_joint"), lambda value: f"{value:.2f}"),
-    **extremes("pid_least_squares", partial(ratios, "pid_least_squares"), lambda value: f"{value:.2f}"),
+    **{
+        key: of
+        for name in ("internal_model", "lqg", "paper", "paper_kalman", "linear_kalman")
+        for key, of in extremes(name, partial(steady, name), short).items()
+    },
     "web.run": lambda: said("web", r"first time, then (\d+) ms"),
 }
 
 # -- docs/compare.md ---------------------------------------------------------------------------------------------------
 
 CONTENDERS = {
-    "lqg": "`lqg`: linear-quadratic feedback on the joint Kalman filter",
-    "paper_joint": "`paper_joint`: the paper's surface on that filter",
-    "pid_least_squares": "`pid_least_squares`",
-    "paper_integer_order": "`paper_integer_order`: α = 1",
-    "paper_no_terminal": "`paper_no_terminal`: λ2 = 0",
-    "pid": "`pid`: with feedforward of the nominal plant",
+    "lqg": "linear-quadratic, on a Kalman filter that learns the plant",
+    "internal_model": "the same, on a filter that learns the sinusoids which the nominal plant lacks",
+    "paper_joint": "the paper's surface on the filter of `lqg`",
+    "paper_kalman": "the paper's on a Kalman filter of the nominal plant",
+    "linear_kalman": "linear sliding mode on that filter",
+    "pid_kalman": "PID on that filter",
+    "integral_sliding_kalman": "integral surface, disturbance observer, on that filter",
+    "integral_sliding": "the same, without a filter",
+    "pid_least_squares": "PID on the plant that least squares find",
+    "resonant": "PD with resonators",
+    "paper": "the paper's, tuned",
+    "paper_integer_order": "α = 1",
+    "paper_no_terminal": "λ2 = 0",
+    "pid": "PID",
+    "paper_as_published": "the paper's, its own gains",
 }
-CONDITIONS = ("one step of delay", "one step of hidden delay", "12 bit", "0.7 of the force")
+CONDITIONS = ("one step of delay", "one step of hidden delay", "12 bit", "0.7 of the force", "2h")
+# Need of a reader, the contender, and its kind and sensing in the log of operations.
+CHOICES = (
+    ("sinusoidal references and a data sheet's noise", "internal_model", "internal_model", ""),
+    ("the angular rate as well, or a motion at resonance", "lqg", "lqg", ""),
+    ("a delay that is known exactly", "internal_model_exact_delay", "internal_model", ""),
+    ("any reference, a small processor", "pid_kalman", "pid", ", filter"),
+    ("the same with adaptation", "linear_kalman", "linear", ", filter"),
+    ("no noise densities", "resonant", "resonant", ""),
+    ("the paper's law, as well as it can be tuned", "paper_kalman", "fractional_fast_terminal", ", filter"),
+)
+CHANGED = ("lqg", "internal_model", "paper_joint", "pid_kalman", "integral_sliding", "paper", "pid")
 ERROR = "error over that without the change"
+FOUND = "error, q0 (95 %)"
 SENSED = "class P, 1e-13 m/√Hz"
 
 
 def tracking() -> Rows:
-    rows = []
+    rows = [["limit", "of any controller", *(short(1e4 * number(each), 3) for each in tracked("limit", FOUND))]]
     for name, words in CONTENDERS.items():
-        cells = []
-        for place in TRACKED:
-            ratio = over_papers(name, place)
-            decided = cell("compare_track", "decided", section=section(*place), contender=name)
-            cells.append(f"{ratio.split()[0]}, undecided" if decided == "undecided" else ratio)
-        rows.append([words, *cells])
-    worst = [over_papers("park_horowitz", place).split()[0] for place in TRACKED]
-    return [*rows, ["last: `park_horowitz`, which is made for resonance", *worst]]
+        found = zip(tracked(name, FOUND), tracked(name, STEADY), tracked(name, "remarks"), strict=True)
+        rows.append([f"`{name}`", words, *(times_limit(*each) for each in found)])
+    return rows
+
+
+def times_limit(error: str, over: str, remarks: str) -> str:
+    if "beyond a limit" in remarks or not re.search(r"\d", over):
+        return "above the ceiling"
+    mark = "*" if "not converged" in remarks else ""
+    return f"{short(1e4 * number(error), 3)}{mark} (× {short(number(over))})"
+
+
+def changed(name: str, condition: str) -> list[str]:
+    """Factors of the error of a contender by a condition, in the settings."""
+    return [cell("compare_track", condition, **{"section": section(*place), ERROR: name}) for place in TRACKED]
+
+
+def chooser() -> Rows:
+    def between(values: list[float]) -> str:
+        return f"{short(min(values), 3)} to {short(max(values), 3)}"
+
+    rows = []
+    for words, name, kind, kept in CHOICES:
+        factors = changed(name, CONDITIONS[1])
+        borne = "lost" if any("lost" in each for each in factors) else between([number(each) for each in factors])
+        cost = ", ".join(operations(kind, f"{measured}{kept}") for measured in (BOTH, ONLY))
+        rows.append([words, f"`{name}`", between(steady(name)), borne, cost])
+    return rows
 
 
 def under_changes() -> Rows:
     def of(name: str, condition: str) -> str:
-        cells = [cell("compare_track", condition, **{"section": section(*place), ERROR: name}) for place in TRACKED]
-        return ", ".join("lost" if each.startswith("lost") else each for each in cells)
+        return ", ".join("lost" if "lost" in each else digits(each) for each in changed(name, condition))
 
-    rows = []
-    for name in ("lqg", "paper_joint", "pid_least_squares", "paper", "pid"):
-        cells = [of(name, condition) for condition in CONDITIONS]
-        rows.append([f"`{name}`", *cells])
-    return rows
+    return [[f"`{name}`", *(of(name, condition) for condition in CONDITIONS)] for name in CHANGED]
 
 
 def sensing_task() -> Rows:
@@ -760,32 +817,20 @@ def abs_of(text: str) -> float:
 
 
 def operations(controller: str, measured: str) -> str:
-    adaptation = {"fractional_fast_terminal": "gradient"}.get(controller, "–")
+    adaptation = "gradient" if controller in ("fractional_fast_terminal", "linear") else "–"
     return cell("flops", "flops", controller=f"`{controller}`", adaptation=adaptation, measured=measured)
 
 
 BOTH, ONLY = "positions and velocities", "positions only"
 
 
-def step_of_delay() -> list[float]:
-    of = [cell("compare_track", CONDITIONS[1], **{"section": section(*place), ERROR: "lqg"}) for place in TRACKED]
-    papers = [cell("compare_track", CONDITIONS[1], **{"section": section(*place), ERROR: "paper"}) for place in TRACKED]
-    errors = [number(over_papers("lqg", place)) for place in TRACKED]
-    return [e * number(a) / number(b) for e, a, b in zip(errors, of, papers, strict=True)]
-
-
 COMPARE: dict[str, Callable[[], str]] = {
-    **extremes("lqg.hidden", step_of_delay, short),
+    "surfaces": surfaces,
+    **extremes("resonance", partial(at_resonance, LEARN_THE_PLANT), short),
+    "resonance.next": lambda: short(min(at_resonance(LEARN_THE_PLANT, others=True))),
     "rate.lqg_over": lambda: cell(
         "compare_rate", "over force rebalance's (95 %)", section=SENSED, contender="lqg"
     ).split()[0],
-    "flops.lqg": lambda: operations("lqg", BOTH),
-    "flops.lqg_positions": lambda: operations("lqg", ONLY),
-    "flops.paper": lambda: operations("fractional_fast_terminal", BOTH),
-    "flops.paper_positions": lambda: operations("fractional_fast_terminal", ONLY),
-    "flops.pid": lambda: operations("pid", BOTH),
-    "flops.pid_positions": lambda: operations("pid", ONLY),
-    "flops.rebalance": lambda: operations("force_rebalance", ONLY),
 }
 
 # -- docs/fpga.md ------------------------------------------------------------------------------------------------------
@@ -855,6 +900,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "near_limit": near_limit,
     "claims": claims,
     "performance": performance,
+    "chooser": chooser,
     "tracking": tracking,
     "under_changes": under_changes,
     "sensing_task": sensing_task,

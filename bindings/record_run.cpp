@@ -15,12 +15,6 @@ FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const PlantSetup& setup, std
     return record<C>(setup, every, rows, noise);
 }
 
-template <Controller C>
-FRACGYRO_FOR_AVX2_AND_OTHERS std::int64_t record_with_plant(const PlantSetup& setup, std::int64_t every, double* rows,
-                                                            FillNoise noise) {
-    return record<C, WithPlant<IdealGyroscope<double>>>(setup, every, rows, noise);
-}
-
 std::int64_t record_erased(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
     return record_any(setup, *make_double(setup), every, false, noise,
                       [&](std::size_t width) { return std::exchange(rows, rows + width); });
@@ -31,12 +25,12 @@ std::int64_t record_erased(const PlantSetup& setup, std::int64_t every, double* 
 std::int64_t record_run(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
     std::int64_t samples = 0;
     with_controller<double>(setup.controller, [&]<class C>() {
-        if constexpr (has_copies<C>) {
-            samples = setup.model == nullptr ? record_one<C>(setup, every, rows, noise)
-                                             : record_with_plant<C>(setup, every, rows, noise);
+        if (setup.model != nullptr) {
+            samples = record_erased(setup, every, rows, noise);
+        } else if constexpr (has_copies<C>) {
+            samples = record_one<C>(setup, every, rows, noise);
         } else {
-            samples = setup.model == nullptr ? record<C>(setup, every, rows, noise)
-                                             : record_erased(setup, every, rows, noise);
+            samples = record<C>(setup, every, rows, noise);
         }
     });
     return samples;

@@ -25,9 +25,11 @@ from replication import EACH, LIMIT, RATE, Replication, gains_over_time
 
 WIDE = 160.0  # mm
 GREEN, PURPLE, SKY, GOLD = "#009E73", "#CC79A7", "#56B4E9", "#E69F00"  # from the same palette as COLORS
+BROWN = "#7a4b2a"
 GRAY = "#9aa5ac"
+SPAN = 40.0  # times the least limit: larger errors are not drawn
 NAMED = 6  # contenders of a front that have a color of their own
-LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"), ("#000000", "X")]
+LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"), (BROWN, "X")]
 
 
 def draw(r: Replication, errors: sensing.Errors, track: dict[str, Any], folder: Path) -> None:
@@ -36,7 +38,7 @@ def draw(r: Replication, errors: sensing.Errors, track: dict[str, Any], folder: 
         _save(_tracking(r), folder / "tracking.svg")
         _save(_end(r), folder / "end.svg")
         _save(_sensing(errors), folder / "sensing.svg")
-        _save(_fronts(track["contenders"]), folder / "fronts.svg")
+        _save(fronts(track["contenders"]), folder / "fronts.svg")
     draw_table(table(r.study), folder / "orders.svg")
 
 
@@ -155,7 +157,7 @@ def _sensing(e: sensing.Errors) -> Figure:
     return figure
 
 
-def _fronts(every: list[dict[str, Any]]) -> Figure:
+def fronts(every: list[dict[str, Any]]) -> Figure:
     """Error against chattering of training, by class, with noise; the limit, the paper's and the best stand out."""
     rows = [row for row in every if row.get("scenario", tracking.SCENARIO) == tracking.SCENARIO]
     noise = max(float(row["noise"]) for row in rows)
@@ -178,10 +180,17 @@ def _fronts(every: list[dict[str, Any]]) -> Figure:
                 look = {"color": color, "marker": marker, "lw": 1.0, "zorder": 3}
             else:
                 look = {"color": GRAY, "lw": 0.6, "zorder": 2}
-            panel.plot(xs, ys, drawstyle="steps-post", ms=2.6, **look)
-        panel.plot(*limits.line(information, noise, *ends), color="black", lw=1.4, zorder=5)
+            marker = look.pop("marker", None)
+            # More chattering than any trial had is not needed for its error.
+            panel.plot([*xs, 100 * xs[-1]], [*ys, ys[-1]], drawstyle="steps-post", **look)
+            found = [(ceiling, ys[xs <= ceiling].min()) for ceiling in ceilings if xs[0] <= ceiling]
+            if marker and found:
+                panel.plot(*np.array(found).T, marker, ms=3.2, color=look["color"], zorder=5)
+        line = limits.line(information, noise, *ends)
+        panel.plot(*line, color="black", lw=1.6, zorder=6)
         panel.set(xscale="log", yscale="log", xlabel="chattering index, larger axis")
         panel.set_xlim(*ends)
+        panel.set_ylim(0.85 * line[1].min(), SPAN * line[1].min())
         words = "positions and velocities" if information == "F" else "positions only"
         panel.set_title(f"class {information}: {words}", loc="left", fontsize=8)
     panels[0].set_ylabel("error of the best trial so far, q₀")
@@ -197,8 +206,12 @@ def _fronts(every: list[dict[str, Any]]) -> Figure:
 
 
 def _best(rows: list[dict[str, Any]]) -> dict[str, tuple[str, str]]:
-    """The contenders with the least errors in any table, other than the paper's, each with its look."""
+    """The contenders with the least errors in any table, other than the paper's, each with its look.
+
+    Those that need the exact delay are nearly the limit, which would hide the others.
+    """
     kept = [row for row in rows if row["kept"] and row["name"] != comparison.PAPER and row["front"]]
+    kept = [row for row in kept if not row["name"].endswith("_exact_delay")]
     tables: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in sorted(kept, key=tracking.error):
         tables.setdefault((row["class"], row["ceiling"]), []).append(row)

@@ -42,13 +42,17 @@ class Step(NamedTuple):
 
 STEPS = (
     Step("Filter", "PID, with a Kalman filter of the nominal plant", "pid_kalman", "pid"),
+    Step("Filter", "PID with resonators, with that filter", "resonant_kalman", "resonant"),
+    Step("Filter", "linear surface, with that filter", "linear_kalman", "linear"),
+    Step("Filter", "the original's, with that filter", "paper_kalman", PAPER),
     Step("Filter, learning", "the original's surface, on the joint Kalman filter", "paper_joint", PAPER),
+    Step("Learning", "joint Kalman filter, over that of the nominal plant", "paper_joint", "paper_kalman"),
     Step("Learning", "PID, with the plant that least squares find", "pid_least_squares", "pid"),
-    Step("Learning", "linear-quadratic on the joint filter, over PID on the nominal", "lqg", "pid_kalman"),
     Step("Learning", "the original's, with least squares", "paper_least_squares", PAPER),
     Step("Learning", "the original's, with its gradient laws", PAPER, "paper_no_adaptation"),
     Step("Operator", "the original's, with an order below 1", PAPER, "paper_integer_order"),
     Step("Surface", "the original's, with its terminal term", PAPER, "paper_no_terminal"),
+    Step("Surface", "the original's, over the linear one, both on that filter", "paper_kalman", "linear_kalman"),
     Step("Surface", "integral and disturbance observer, over the linear one", "integral_sliding", "linear"),
     Step("Frequencies", "PID, with resonators at those of the reference", "resonant", "pid"),
     Step("Tuning", "the original's, tuned", PAPER, PUBLISHED),

@@ -1,4 +1,4 @@
-"""`fracgyro reproduce` and `fracgyro compare`."""
+"""`fracgyro reproduce`, `fracgyro compare` and `fracgyro enter`."""
 
 from __future__ import annotations
 
@@ -104,3 +104,57 @@ def _line(row: dict[str, Any]) -> list[str]:
     cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling'] or '-'}"]
     remark = "" if row["kept"] or error is None else "beyond a limit"
     return [*cells, missing if error is None else f"{error:.3g}", shown, row["verdict"] or "-", remark]
+
+
+@click.command()
+@click.argument("law", metavar="LAW")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the entry to this JSON file.")
+@click.option(
+    "--class",
+    "information",
+    type=click.Choice(["F", "P"]),
+    default="F",
+    show_default=True,
+    help="Measured: F all, P positions only.",
+)
+@click.option("--author", metavar="NAME", help="Name for the board.")
+@click.option("--check", "checked", is_flag=True, help="LAW is an entry: run its law again and compare.")
+def enter(law: str, out: Path | None, information: str, author: str | None, checked: bool) -> None:
+    """Run a law through the task `track`, for the board.
+
+    LAW is FILE.py, FILE.py:NAME, or the name of a compiled law. It runs in a process of its own, without network, in an
+    empty folder, with limits of time and memory.
+    """
+    from fracgyro.extras import require
+    from fracgyro.files import check_place
+
+    require("study", "cmaes")
+    from .board.check import check as run_again
+    from .board.enter import enter as run
+    from .board.enter import write
+
+    if checked and (out or author):
+        raise click.UsageError("--check takes neither --out nor --author")
+    if not checked and out is None:
+        raise click.UsageError("--out is missing: name the JSON file of the entry")
+    if out is not None:
+        check_place(out, b'{\n"f')
+    with progress("starting", rate="runs/s") as show:
+        if checked:
+            entry = run_again(Path(law), progress=show)
+        else:
+            entry = run(law, information=information, author=author, progress=show)
+    if out is not None:
+        write(entry, out)
+    print_table(("gains", "error", "chattering", "error over the limit", "steady"), map(_entered, entry.rows))
+    click.echo(f"{law}: reproduced" if checked else f"Entry: {out}")
+
+
+def _entered(named: tuple[str, Any]) -> list[str]:
+    name, row = named
+    words = name.replace("_", " ")
+    if row is None:
+        return [words, "-", "-", "-", "-"]
+    over = row.over_limit
+    numbers = (row.error.value, row.chattering, over and over.error, over and over.steady)
+    return [words, *("-" if number is None else f"{number:.3g}" for number in numbers)]

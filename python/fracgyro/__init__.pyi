@@ -10,6 +10,7 @@ from ._core import Sample as Sample
 from .analysis import limit as limit
 from .analysis import metrics as metrics
 from .analysis.plots import plot as plot
+from .devices.sheet import device as device
 from .export.parity import SelfCheck as SelfCheck
 from .export.parity import selfcheck as selfcheck
 from .identification.entry import identify as identify

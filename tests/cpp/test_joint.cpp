@@ -758,12 +758,12 @@ TEST(Joint, TheRateIsTrustedOnlyWhereTheMotionTellsIt) {
 
 // Amplitude of the estimate for a rate that oscillates at the requested bandwidth, over the amplitude of the rate.
 template <class C>
-double seen_at_the_corner(Case a, double bandwidth) {
+double seen_at_the_corner(Case a, double bandwidth, double size = 1e-6) {
     a.law.adaptation.rate_forgetting = bandwidth;
     Loop<C> still(a);
     still.run(20000);
     auto moved = still;  // with the same noise
-    constexpr double size = 1e-6, pi = 3.141592653589793;
+    constexpr double pi = 3.141592653589793;
     constexpr int held = 20, periods = 3;
     const int period = static_cast<int>(std::round(2.0 * pi / bandwidth / a.common.step / held)) * held;
     const double mean = a.plant.rate;
@@ -793,6 +793,14 @@ TEST(Joint, AMovingRateIsFollowedAsFastAsItIsAskedForWhateverTheSensorsNoise) {
     EXPECT_NEAR(seen_at_the_corner<Positions<double>>(noisy, 0.005), half_power, 0.08);
     noisy.law.datasheet.position_noise = noisy.position_noise = 1e-4;
     EXPECT_NEAR(seen_at_the_corner<Positions<double>>(noisy, 0.02), half_power, 0.08);
+}
+
+// From 14 to 300 deg/s of the dual mass: innovations far beyond their deviations, but not from a late force.
+TEST(Joint, AFastTurnIsNotALateForce) {
+    for (const double size : {1e-5, 7e-5, 2e-4}) {
+        EXPECT_NEAR(seen_at_the_corner<Both<double>>(Case(), 0.02, size), std::sqrt(0.5), 0.08) << size;
+        EXPECT_NEAR(seen_at_the_corner<Positions<double>>(Case(), 0.02, size), std::sqrt(0.5), 0.08) << size;
+    }
 }
 
 TEST(Joint, WhatDriftsIsFollowed) {

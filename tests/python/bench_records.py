@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import fracgyro as fg
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -61,6 +63,26 @@ class Device:
         times = step * np.arange(samples)
         return np.real((vectors[:2] * weights) @ np.exp(np.outer(values, times)))
 
+    def thermal_motion(self, samples: int, per_period: float, size: float, seed: int = 0) -> Array:
+        """Thermal motion of both pick-offs, from rest; `size`: its root of the mean square along x, if K is 1.
+
+        The force has the covariance 2 k_B T D, and k_B T is size^2. Its covariance over an interval by quadrature.
+        """
+        stiffness, damping = self.seen
+        pickoffs = np.array([[1.0, 0.0], [self.skew, self.ratio]])
+        matrix = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
+        force = np.zeros((4, 4))
+        force[2:, 2:] = 2 * size**2 * pickoffs @ self.principal[1] @ pickoffs.T
+        step = 2 * np.pi / per_period
+        places, quadrature = np.polynomial.legendre.leggauss(24)
+        maps = [expm(matrix * step * (place + 1) / 2) for place in places]
+        covariance = sum(step / 2 * w * (one @ force @ one.T) for w, one in zip(quadrature, maps, strict=True))
+        values, vectors = np.linalg.eig(expm(matrix * step))
+        root = np.linalg.cholesky(covariance)
+        kicks = np.linalg.solve(vectors, root @ np.random.default_rng((seed, 1)).normal(size=(4, samples)))
+        modes = [lfilter([0.0, 1.0], [1.0, -value], row) for value, row in zip(values, kicks, strict=True)]
+        return np.real(vectors[:2] @ np.stack(modes))
+
     def interval(self, per_period: float) -> float:
         return 2 * np.pi / per_period / self.omega
 
@@ -72,10 +94,13 @@ class Device:
         seed: int = 0,
         start: tuple[float, float, float, float] = (1, 0.1, 0.1, -1),
         scale: float = 1.0,
+        thermal: float = 0.0,
         **state: float | None,
     ) -> fg.identify.Record:
-        """A record with white noise in both pick-offs, of this deviation."""
+        """A record with white noise in both pick-offs, of this deviation, and thermal motion of this size."""
         motion = self.motion(samples, per_period, start)
+        if thermal:
+            motion = motion + self.thermal_motion(samples, per_period, thermal, seed)
         motion = scale * (motion + noise * np.random.default_rng(seed).normal(size=motion.shape))
         return fg.identify.Record(*motion, interval=self.interval(per_period), name=f"record {seed}", **state)
 

@@ -377,3 +377,23 @@ def test_jobs_limit_the_processors_and_not_the_result(own: Path, monkeypatch: py
     )
     assert refused("tune", "gains.toml", "--out", "none", "--jobs", "-1").startswith("jobs is -1: it must be")
     assert not (own / "none").exists()
+
+
+@pytest.mark.parametrize("command", ["simulate", "rate", "sweep", "tune"])
+def test_every_command_that_runs_many_takes_jobs_and_frees_the_processors_again(command: str, own: Path) -> None:
+    arguments = {"simulate": [], "rate": ["paper"], "sweep": ["study.toml"], "tune": ["gains.toml"]}[command]
+    out = [] if command == "simulate" else ["--out", "none"]
+    assert refused(command, *arguments, *out, "--jobs", "0").startswith("jobs is 0: it must be")
+    assert not (own / "none").exists()
+
+
+def test_jobs_limit_the_seeds_of_a_simulation(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used: list[int] = []
+
+    def counted() -> int:
+        used.append(threads_available())
+        return used[-1]
+
+    monkeypatch.setattr("fracgyro.simulation.measure.threads_available", counted)
+    ran("simulate", "--set", "run.duration=2", "--seeds", "3", "--jobs", "1")
+    assert used == [1]

@@ -156,15 +156,16 @@ def test_the_readme_is_short_and_shows_python() -> None:
     assert blocks(read("README.md"), "python")
 
 
-def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("script", "picture"), [("readme_picture", "run"), ("front_picture", "compare")])
+def test_a_picture_is_what_its_script_draws(script: str, picture: str, tmp_path: Path) -> None:
     """The same elements with the same numbers, rounded to 0.1 pt; another Matplotlib may draw it otherwise."""
-    committed = read("docs/run.svg")
+    committed = read(f"docs/{picture}.svg")
     if f"Matplotlib v{matplotlib.__version__} " not in committed:
-        pytest.skip(f"docs/run.svg was drawn by another Matplotlib than {matplotlib.__version__}")
-    script = "import sys; from pathlib import Path; import readme_picture; readme_picture.draw(Path(sys.argv[1]))"
-    again = tmp_path / "run.svg"
+        pytest.skip(f"docs/{picture}.svg was drawn by another Matplotlib than {matplotlib.__version__}")
+    line = f"import sys; from pathlib import Path; import {script}; {script}.draw(Path(sys.argv[1]))"
+    again = tmp_path / "again.svg"
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "benchmarks")}
-    subprocess.run([sys.executable, "-c", script, again], env=environment, check=True)
+    subprocess.run([sys.executable, "-c", line, again], env=environment, check=True)
     number = r"(?<![\w#.])-?\d+(?:\.\d+)?"
     drawn, committed = (
         re.sub(r"[mp][0-9a-f]{10}", "", text) for text in (again.read_text(encoding="utf-8"), committed)

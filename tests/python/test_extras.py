@@ -82,6 +82,7 @@ def test_a_function_is_not_hidden_by_its_module() -> None:
         ("study", "sweep study.toml --out out"),
         ("study", "tune study.toml --out out"),
         ("study", "compare track --quick --out out"),
+        ("study", "enter linear --out entry.json"),
         ("export", "export fmu my.toml --out my.fmu --unbounded"),
         ("cluster", "sweep study.toml --out out --scheduler tcp://127.0.0.1:1"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,13 +14,15 @@ import pytest
 from bench_records import DUAL_MASS, RATE
 from click.testing import CliRunner
 from fracgyro.cli.identify import identify_command
-from fracgyro.identification.bench import amount, read_bench
+from fracgyro.identification.bench import read_bench
 from fracgyro.identification.diagnostics import whiteness
 from fracgyro.identification.records import Response, State
 from fracgyro.identification.sweep import SweepFit, fit_sweep
 from fracgyro.identification.trends import line
+from fracgyro.scenario.amounts import amount
 
-REAL = Path(__file__).resolve().parents[2].parent / "shared/data/resonator"
+DATA = os.environ.get("FRACGYRO_RESONATOR")
+REAL = Path(DATA) if DATA else Path(__file__).resolve().parents[2].parent / "shared/data/resonator"
 SAMPLES, PER_PERIOD = 12_000, 8.0
 
 

@@ -224,6 +224,7 @@ LIBRARY = [
     ["simulation"],
     ["analysis", "export", "interop"],
     ["rate", "study"],
+    ["devices"],
     ["identification"],
     ["", "cli"],
     ["__main__"],
@@ -235,7 +236,7 @@ STUDY = [
     ["sweep", "tune"],
     ["", "json_schema", "reference"],
 ]
-LAB = [["comparison", "paper"], ["", "commands"]]
+LAB = [["comparison", "paper"], ["board"], ["", "commands"]]
 ROOMS = {"fracgyro": LIBRARY, "fracgyro.study": STUDY, "fracgyro_lab": LAB}
 
 

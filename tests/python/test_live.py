@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 import subprocess
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ from fracgyro.cli.simulate import _change
 from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data, write_page
 from fracgyro.export.web import build, document
 from fracgyro.scenario.kinds import KINDS
+from matplotlib import image
 
 # -- The page's state, in node -------------------------------------------------------------------------------------
 
@@ -124,7 +126,7 @@ def preset_runs(data_file: Path) -> dict[str, list[fg.Scenario]]:
     const runs = (of) => state.RUNS.filter((run) => of[run] !== state.NO_LAW);
     console.log(JSON.stringify(Object.fromEntries(presets.map(({ key }) => {
       const of = at("#" + key);
-      return [key, runs(of).map((run) => state.toToml(data, of, run))];
+      return [key, runs(of).map((run) => state.toToml(state.dataOf(data, presets, of), of, run))];
     }))));
     """
     said = json.loads(in_node(data_file, code))
@@ -158,6 +160,21 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
     printed, least_squares = run("follow")  # moved: in Chromium, below
     assert (printed["rate_estimate"] == printed["rate_estimate"][0]).all()
 
+    kalman, gradient = (scenario.replace({"run.record_every": 10}) for scenario in preset_runs.pop("dual-mass"))
+    assert kalman.plant.angular_rate == pytest.approx(np.deg2rad(300.0), rel=1e-6)
+    unit = 1e3 * kalman.plant.scales.time
+    off = []
+    for scenario in (kalman, gradient):
+        loop, scale = fg.Loop(scenario), np.rad2deg(scenario.plant.scales.rate)
+        found = loop.run(round(25.0 / unit / scenario.run.step))["rate_estimate"].values
+        loop.set({"plant.angular_rate": -scenario.plant.angular_rate})
+        reversed_ = loop.run(round(0.5 / unit / scenario.run.step))["rate_estimate"].values
+        off.append((scale * found[2 * len(found) // 5 :] - 300.0, scale * reversed_ + 300.0))
+    assert np.abs(off[0][0]).max() < 0.3
+    assert rms_of(off[0][0]) < 0.2
+    assert rms_of(off[1][0]) > 200.0
+    assert min(rms_of(after) for _, after in off) > 200.0
+
     (thrown,) = run("thrown")
     assert np.abs(rate_error(thrown)).max() > 200 * 100.0
     assert 40 < abs(rate_error(thrown)[20_000]) < 60
@@ -178,6 +195,16 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
     assert deviation(squares, 20.0) == pytest.approx(75.0, rel=0.05)
     assert deviation(filtered, 20.0) == pytest.approx(5.0, rel=0.1)
     assert rms_rate(filtered, 17.0) < 10.0  # D and K are learned until then
+
+    deviations = []
+    for scenario in preset_runs.pop("allan"):
+        numbers = rate_error(fg.simulate(scenario.replace({"run.duration": 140.0, "run.record_every": 10})))[6_000:]
+        deviations.append(allan_deviation(numbers, [1, 10, 30, 100, 150, 300, 1000]))
+    kalman, squares = deviations
+    assert (kalman < 4.0).all()
+    assert 30.0 < squares[3] < 45.0
+    assert 30.0 < squares[4] < 45.0
+    assert squares.max() < 45.0
 
     corrected, least_squares = run("quiet")
     with_noise = fg.simulate(fg.Scenario.paper().replace({"run.duration": 42.0}))
@@ -203,6 +230,43 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
 def rms_rate(run: xr.Dataset, begin: float) -> float:
     """From there on, rad/s."""
     return float(np.sqrt((rate_error(run)[round(begin / 1e-3) :] ** 2).mean()))
+
+
+def rms_of(numbers: np.ndarray) -> float:
+    return float(np.sqrt((numbers**2).mean()))
+
+
+def allan_deviation(numbers: np.ndarray, sizes: list[int]) -> np.ndarray:
+    """Overlapping, at averages of these numbers of samples."""
+    found = []
+    for size in sizes:
+        means = np.lib.stride_tricks.sliding_window_view(numbers, size).mean(axis=1)
+        found.append(np.sqrt(((means[size:] - means[:-size]) ** 2).mean() / 2))
+    return np.array(found)
+
+
+def test_spectrum_and_allan_deviation_are_those_of_numpy(data_file: Path) -> None:
+    numbers = np.cumsum(np.random.default_rng(5).normal(size=5_000)) / 50 + np.sin(np.arange(5_000) / 3)
+    code = f"""
+    const {{ allan, spectrum }} = await import(folder + "/live/spectra.mjs");
+    const numbers = {numbers.tolist()};
+    const few = [allan([1, 2, 3], 0.5), spectrum([1, 2, 3], 0.5)];
+    console.log(JSON.stringify([allan(numbers, 0.5), spectrum(numbers, 0.5), few]));
+    """
+    deviations, densities, few = json.loads(in_node(data_file, code))
+    assert few == [[], []]
+    times, found = np.array(deviations).T
+    assert (times[0], times[-1]) == (0.5, pytest.approx(500.0, rel=0.3))
+    np.testing.assert_allclose(found, allan_deviation(numbers, [round(2 * time) for time in times]), rtol=1e-9)
+    length = 1024
+    window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
+    starts = range(0, len(numbers) - length + 1, length // 2)
+    parts = np.array([numbers[start : start + length] for start in starts])
+    power = np.abs(np.fft.rfft(window * (parts - parts.mean(axis=1, keepdims=True)))) ** 2
+    expected = np.sqrt(2 * 0.5 * power.mean(axis=0) / (window**2).sum())
+    frequencies, found = np.array(densities).T
+    np.testing.assert_allclose(frequencies, np.fft.rfftfreq(length, 0.5)[2:-1])
+    np.testing.assert_allclose(found, expected[2:-1], rtol=1e-9)
 
 
 WRONG = {
@@ -350,6 +414,33 @@ def test_what_it_shows_is_what_python_computes(browser: Any, address: str) -> No
                     assert str(float(value(page, channel, run))) == digits(number), channel
 
 
+def test_the_preset_of_another_gyroscope_runs_it_in_degrees_a_second(browser: Any, address: str) -> None:
+    scenario = fg.Scenario.shipped("dual_mass")
+    milliseconds = 1e3 * scenario.run.step * scenario.plant.scales.time
+    scale = np.rad2deg(scenario.plant.scales.rate)
+    runs = {
+        run: fg.simulate(scenario.replace({**changes, "run.duration": 1200.0}))
+        for run, changes in (("a", {}), ("b", {"adaptation.kind": "gradient"}))
+    }
+    with opened(browser, address, "#dual-mass&speed=2") as page:
+        assert page.text_content("#rate-value") == "300 deg/s"
+        run_to(page, 0.5)
+        sample = round(time(page) / milliseconds)
+        assert float(value(page, "rate")) == pytest.approx(300.0, abs=0.1)
+        for run, expected in runs.items():
+            at = expected.isel(time=sample)
+            assert str(float(value(page, "rate_estimate", run))) == digits(scale * float(at["rate_estimate"]))
+        page.click("#rate-reverse")
+        page.wait_for_function("document.getElementById('rate-value').textContent === '−300 deg/s'")
+        page.get_by_text("Copy B as TOML").click()
+        copied = fg.Scenario.from_toml(page.input_value("#text"))
+        assert (copied.adaptation.kind, copied.plant.angular_rate) == ("gradient", -scenario.plant.angular_rate)
+        assert copied.device == scenario.device
+        page.click('a[href="#follow"]')
+        page.wait_for_function("document.getElementById('rate-value').textContent === '100 rad/s'")
+        assert page.locator("#window option").first.text_content() == "2 ms"
+
+
 def settled(page: Any, begin: float) -> tuple[float, float]:
     """Estimate of the second run and its deviation, when that is small; a slow machine pauses later than asked."""
     for until in (begin, begin + 4.0, begin + 8.0):
@@ -427,6 +518,119 @@ def test_the_plots_draw_both_runs_and_their_cursor_shows_a_sample(browser: Any, 
         assert str(float(error)) == digits(abs(float(at["error"][0])))
         page.keyboard.press("Escape")
         page.wait_for_function("!document.querySelector('caption').textContent.includes('at the cursor')")
+
+
+GAPS = """
+(canvas) => {
+  const { width, height, data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const color = (x, y) => data.slice(4 * (y * width + x), 4 * (y * width + x) + 3);
+  const near = (one, other) => other.every((part, k) => Math.abs(one[k] - part) < 60);
+  const drawn = [];
+  for (let x = 0; x < width; ++x) {
+    let found = false;
+    for (let y = 0; y < height && !found; ++y) {
+      found = [[0xc2, 0x4e, 0x00], [0xd9, 0x7b, 0x34]].some((wanted) => near(color(x, y), wanted));
+    }
+    drawn.push(found);
+  }
+  const part = drawn.slice(drawn.indexOf(true), drawn.lastIndexOf(true));
+  return [part.length, part.filter((found) => !found).length];
+}
+"""
+
+
+def test_curves_on_a_logarithmic_scale_have_no_gaps(browser: Any, address: str) -> None:
+    with opened(browser, address, "#order&speed=40&window=2", color_scheme="light") as page:
+        run_to(page, 3.0)
+        length, gaps = page.query_selector(".plot.tall canvas").evaluate(GAPS)
+        assert length > 500
+        assert gaps == 0
+
+
+def test_the_first_preset_reverses_the_rate_by_itself_until_it_is_moved(browser: Any, address: str) -> None:
+    with opened(browser, address, reduced_motion="no-preference") as page:
+        page.wait_for_function("document.getElementById('rate-value').textContent === '−100 rad/s'")
+        page.wait_for_function("document.getElementById('rate-value').textContent === '100 rad/s'")
+        page.keyboard.press(" ")
+        page.wait_for_function("document.getElementById('clock').textContent.includes('paused')")
+        assert page.evaluate("location.hash") in ("", "#follow")
+        sample = round(time(page) / 1e-3)
+        loop = fg.Loop(laws()["least_squares"][1])
+        for samples, rate in ((5_000, -100.0), (10_000, 100.0)):
+            loop.run(samples)
+            loop.set({"plant.angular_rate": rate})
+        at = loop.run(sample + 1 - 15_000).isel(time=-1)
+        assert str(float(value(page, "rate_estimate", "b"))) == digits(1e3 * float(at["rate_estimate"]))
+        page.fill("#rate", "-150")
+        page.focus("#plot-list")
+        run_to(page, time(page) + 15.0)
+        assert page.text_content("#rate-value") == "−150 rad/s"
+        assert float(value(page, "rate")) == -150.0
+    with opened(browser, address) as page:  # nothing moves by itself
+        run_to(page, 8.0)
+        assert float(value(page, "rate")) == 100.0
+
+
+def test_the_sentence_of_the_numbers_has_the_rms_of_the_time_shown(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&a=corrected&b=pid&speed=40") as page:
+        sample = run_to(page, 3.0)
+        sentence = page.text_content("#measured").replace("−", "-")
+    found = re.search(r"error of the rate A (\S+), B – rad/s; tracking error A (\S+), B (\S+) µm\.", sentence)
+    assert found
+    bins = slice(0, 10 * ((sample + 1) // 10))
+    first = fg.simulate(fg.Scenario.paper()).isel(time=bins)
+    second = fg.simulate(laws()["pid"][1]).isel(time=bins)
+    expected = [
+        np.sqrt((rate_error(first) ** 2).mean()),
+        *(np.sqrt((run["error"].values ** 2).sum(axis=1).mean()) for run in (first, second)),
+    ]
+    assert [float(number) for number in found.groups()] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_preset_chooses_the_large_plot_and_fills_it_in_three_seconds(
+    browser: Any, address: str, data_file: Path
+) -> None:
+    code = """
+    console.log(JSON.stringify(presets.map((preset) => {
+      const of = state.stateOf(preset);
+      const unit = 1e3 / (state.dataOf(data, presets, of).base.scales["plant.angular_rate"] ?? 1e3); // of time, ms
+      return { ...of, seconds: (of.window * unit) / of.speed };
+    })));
+    """
+    states = {each["preset"]: each for each in json.loads(in_node(data_file, code))}
+    assert max(each["seconds"] for each in states.values()) <= 3.0
+    titles = {"rate": "Angular rate", "error": "Tracking error", "force": "Force", "estimates": "Error of the"}
+    views = {"spectrum": "Spectrum of the rate's error", "allan": "Allan deviation of the rate's error"}
+    with opened(browser, address) as page:
+        for key in ("follow", "lqg", "allan", "lqg&plot=force", "sensors&plot=spectrum", "long-step&plot=estimates"):
+            page.evaluate(f"location.hash = '{key}'")
+            preset, _, plot = key.partition("&plot=")
+            page.wait_for_selector(f'a[href="#{preset}"][aria-current]')
+            large = plot or states[preset]["plot"]
+            title = (titles | views)[large]
+            begins = f"innerText.startsWith({json.dumps(title)})"
+            page.wait_for_function(f"document.querySelector('#plot-list .plot.tall').{begins}")
+            assert page.locator("#plot-list .plot").first.inner_text().startswith(title)
+            assert page.locator("#plot-list .plot").count() == len(titles) + (large in views)
+
+
+def test_spectrum_and_allan_deviation_are_drawn_of_both_runs(browser: Any, address: str) -> None:
+    for view in ("allan", "spectrum"):
+        with opened(browser, address, f"#allan&plot={view}&speed=40", color_scheme="light") as page:
+            run_to(page, 5.0)
+            page.wait_for_timeout(100)
+            assert min(page.query_selector(".plot.tall canvas").evaluate(DRAWN)) > 200
+
+
+def test_slider_and_plot_are_seen_together_on_a_phone(browser: Any, address: str) -> None:
+    with opened(browser, address, viewport={"width": 400, "height": 800}) as page:
+        assert page.locator("#scene").bounding_box()["height"] == pytest.approx(9 * 16)
+        for plot in (".plot.tall canvas", ".plot.timed canvas"):
+            page.evaluate(f"document.querySelector('{plot}').scrollIntoView({{ block: 'end' }})")
+            for what in ("#scene", "#rate", plot):
+                box = page.locator(what).bounding_box()
+                assert box["y"] >= 0, what
+                assert box["y"] + box["height"] <= 800.5, what
 
 
 def test_keys_play_step_tap_and_restart_and_reach_every_control(browser: Any, address: str) -> None:
@@ -567,6 +771,25 @@ def test_the_csv_file_has_the_numbers_of_the_run(browser: Any, address: str, tmp
         np.testing.assert_array_equal(columns[f"{run}.control.y"], expected["control"].values[:, 1])
 
 
+def test_the_picture_shows_the_scene_and_the_large_plot_and_the_page_links_back(
+    browser: Any, address: str, tmp_path: Path
+) -> None:
+    with opened(browser, address, "#order&speed=40", color_scheme="light") as page:
+        run_to(page, 0.5)
+        with page.expect_download() as saved:
+            page.get_by_text("Save a picture").click()
+        saved.value.save_as(tmp_path / "seen.png")
+        widths = [page.locator(canvas).bounding_box()["width"] for canvas in ("#scene", ".plot.tall canvas")]
+        documentation = page.locator("footer a").get_attribute("href")
+    picture = image.imread(tmp_path / "seen.png")
+    assert picture.shape[1] == pytest.approx(sum(widths) + 48, abs=2)
+    near = np.abs(picture[:, :, :3] - np.array([0x00, 0x64, 0xA6]) / 255).max(axis=2) < 0.1
+    for part in (near[72:, : round(widths[0])], near[72:, round(widths[0]) + 100 :]):
+        assert part.sum() > 100
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert documentation == project["urls"]["Documentation"]
+
+
 def test_the_copied_scenario_is_that_of_the_run(browser: Any, address: str) -> None:
     with opened(browser, address, "#follow&a=joint&b=none&sensors=positions&speed=40") as page:
         sample = run_to(page, 0.3)
@@ -601,7 +824,7 @@ def test_it_is_accessible_and_fits(browser: Any, address: str, scheme: str, widt
 
 
 def test_it_plays_by_itself_unless_motion_is_to_be_reduced_and_speaks(browser: Any, address: str) -> None:
-    with opened(browser, address, reduced_motion="no-preference") as page:
+    with opened(browser, address, "#lqg", reduced_motion="no-preference") as page:
         page.wait_for_function("document.getElementById('spoken').textContent.includes('estimate')")
         page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.1")
         said = page.text_content("#spoken")

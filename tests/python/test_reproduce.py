@@ -10,10 +10,12 @@ import signal
 import xml.etree.ElementTree as ET
 from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from browser import violations
 from children import run_until
 from figure_data import column, figure_data
 from fracgyro.analysis.confidence import Mean, mean_interval
@@ -97,6 +99,32 @@ def test_the_report_needs_nothing_but_itself(out: Path) -> None:
     assert all(f'id="{anchor}"' in page for anchor in anchors)
     assert "{{" not in page
     assert "{%" not in page
+
+
+def test_the_report_shows_figures_first_and_sets_equations(out: Path) -> None:
+    page = (out / "report.html").read_text(encoding="utf-8")
+    order = [page.index(f'id="{anchor}"') for anchor in ("found", "figures", "paper", "claims", "table1", "errata")]
+    assert order == sorted(order)
+    first = page.index("<figure")
+    assert page.index('id="found"') < first < page.index("<table")
+    for equation in ET.fromstring(f"<all>{''.join(re.findall('<math>.*?</math>', page, re.DOTALL))}</all>"):
+        assert equation.tag == "math"
+    assert page.count("<math>") == 5
+
+
+def test_the_report_shows_both_verdicts_on_a_phone_and_is_accessible(browser: Any, out: Path) -> None:
+    for scheme in ("light", "dark"):
+        page = browser.new_page(viewport={"width": 400, "height": 900}, color_scheme=scheme)
+        page.goto((out / "report.html").as_uri())
+        right = [head.bounding_box() for head in page.query_selector_all(".claims th")]
+        assert right[-1]["x"] + right[-1]["width"] <= 400
+        assert page.evaluate("document.scrollingElement.scrollWidth") <= 400
+        errata = page.locator("#errata ~ .wide").first
+        errata.evaluate("(table) => (table.scrollLeft = 300)")
+        cell = errata.locator("td").first.bounding_box()
+        assert cell["x"] == pytest.approx(errata.bounding_box()["x"], abs=1.0)
+        assert violations(page, ("serious", "critical")) == []
+        page.close()
 
 
 def test_the_report_has_every_erratum_with_its_evidence(out: Path) -> None:

@@ -220,6 +220,22 @@ def test_any_change_of_a_block_is_noticed(small: Path, tmp_path: Path) -> None:
     assert folder.finished(work[0])
 
 
+def test_every_block_has_the_aggregates_of_its_rows(whole: Path) -> None:
+    paths = sorted((whole / "out" / "runs").iterdir())
+    assert len(paths) > 1
+    for path in paths:
+        found = json.loads(pq.read_schema(path).metadata[b"fracgyro.aggregates"])
+        rows = pd.read_parquet(path)
+        kept = rows[rows["diverged_at"].isna()]
+        assert (found["rows"], found["diverged"]) == (len(rows), len(rows) - len(kept))
+        assert set(found["metrics"]) == set(METRICS)
+        for name, (count, *spread) in found["metrics"].items():
+            values = kept[name].dropna()
+            assert count == len(values)
+            expected = [values.mean(), values.var(ddof=0) * count, values.min(), values.max()] if count else []
+            np.testing.assert_allclose(spread, expected, rtol=1e-9, atol=1e-300)
+
+
 def test_rows_with_other_columns_are_not_the_study_even_with_its_label(small: Path, tmp_path: Path) -> None:
     plan = read_plan(small / "study.toml")
     work = blocks.blocks(plan)

@@ -14,8 +14,8 @@
 //    beyond 1.25: for a rate that turns faster than the filter follows, ε is only a part.
 //
 //    A force that is later than the filter assumes: each change of the force enters a step too late, with an effect b
-//    on the next r, and ℓ on it and all later ones (joint.hpp). A sample beyond eight deviations that is within eight
-//    of S + b² is due to it, not to the sensor. From then on the filter adds the change of the force to its process
+//    on the next r, and ℓ on it and all later ones (joint.hpp). A sample beyond eight deviations that is below four
+//    times b is due to it, not to the sensor. From then on the filter adds the change of the force to its process
 //    noise, and Ω̂z is not trusted, until Σ r ℓ/S has been within five deviations of 0 for four windows. A delay is
 //    not noise and does not average out: meanwhile the stated deviation is eight times as large.
 //
@@ -49,6 +49,7 @@ struct Consistency {
     static constexpr double max_refused = 3.0;       // in a row
     static constexpr double max_bend = 20.0;         // deviations of a second difference: eight for white noise
     static constexpr double max_change = 4.0;        // ratio to an excess against which relearning does not help
+    static constexpr double max_late = 4.0;          // times the effect of a late force, by which it explains a sample
     static constexpr double max_chance = 25.0;       // square of the deviations at which a delay shows
     static constexpr double relearning = 32.0;       // windows
     static constexpr double acceptance = 131'072.0;  // samples
@@ -139,13 +140,15 @@ struct Consistency {
                    const std::array<T, sensors>& delayed = {}, const std::array<T, sensors>& kick = {}) {
         const T zero = T(0.0), one = T(1.0), limit = c.limit;
         const T lag = limit * lag_variance(state, c), suspects = late(state);
-        T squares = zero, along = zero, gain = zero, far = zero, bent = zero, farther = zero;
+        T squares = zero, along = zero, gain = zero, far = zero, bent = zero, farther = zero, other = zero;
         T along_delay = zero, delay = zero;
         for (std::size_t i = 0; i < sensors; ++i) {
             const T weighted = sensitivity[i] * precision[i], square = residual[i] * residual[i] * precision[i];
             const T of_rate = sensitivity[i] * weighted, near = limit + lag * of_rate;
             far = if_less(square, near, far, one);  // also true for NaN
-            farther = if_less(square, near + limit * (kick[i] * kick[i] * precision[i]), farther, one);
+            const T late = kick[i] * kick[i] * precision[i];
+            farther = if_less(square, near + limit * late, farther, one);
+            other = if_less(square, maximum(near, T(max_late * max_late) * late), other, one);
             along_delay = along_delay + delayed[i] * residual[i] * precision[i];
             delay = delay + delayed[i] * delayed[i] * precision[i];
             squares = squares + square;
@@ -156,7 +159,7 @@ struct Consistency {
             state.last[i] = residual[i];
             state.rise[i] = rise;
         }
-        state.delay.lost = far * (one - farther) * (one - suspects);
+        state.delay.lost = far * (one - other) * (one - suspects);
         const T shown = state.delay.along * maximum(state.delay.along, zero);
         const T still = if_less(T(max_chance) * c.weight * state.delay.square, shown, suspects, zero);
         state.delay.late = if_less(zero, state.delay.lost + still, c.agreement, maximum(state.delay.late - one, zero));

@@ -1,22 +1,16 @@
-// Marks a function compiled in three copies: for processors with AVX-512, for those with AVX2 and for all others; the
-// right one is chosen when the program starts. Contraction is off, so all compute the same bits. Everything that the
-// function calls is inlined into it, since only then is it compiled for the same processor.
+// Marks a function compiled in two copies: for processors with AVX2 and for all others; the right one is chosen when
+// the program starts. Contraction is off, so both compute the same bits. Everything that the function calls is inlined
+// into it, since only then is it compiled for the same processor. A third copy for AVX-512 brought nothing
+// (docs/decisions/0014).
 #pragma once
 
 #include <cstddef>  // detects glibc, which target_clones needs
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__GLIBC__) && !defined(__AVX2__) && \
     !defined(__SANITIZE_ADDRESS__)
-#if __GNUC__ >= 12
-#define FRACGYRO_FOR_EACH_PROCESSOR __attribute__((target_clones("arch=x86-64-v4", "avx2", "default"), flatten))
-#else
 #define FRACGYRO_FOR_EACH_PROCESSOR __attribute__((target_clones("avx2", "default"), flatten))
-#endif
-// Two copies, for functions that are rarer: AVX-512 would gain little.
-#define FRACGYRO_FOR_AVX2_AND_OTHERS __attribute__((target_clones("avx2", "default"), flatten))
 #else
 #define FRACGYRO_FOR_EACH_PROCESSOR
-#define FRACGYRO_FOR_AVX2_AND_OTHERS
 #endif
 
 namespace fracgyro {

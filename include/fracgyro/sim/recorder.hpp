@@ -64,11 +64,11 @@ inline std::size_t row_width_of(const ControllerParams& controller) {
 
 // Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. Returns the number of samples
 // before divergence.
-template <Controller C, class Plant = IdealGyroscope<typename C::Value>, class Setup>
+template <Controller C>
 std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNoise noise = &fill_noise<word_bytes>) {
     Disturbance disturbance(setup.disturbance, setup.common.step, noise);
     std::int64_t until_next = 0;
-    return run_loop<C, Plant>(setup, disturbance, [&](const Snapshot<typename C::Value, typename C::Report>& at) {
+    return run_loop<C>(setup, disturbance, [&](const Snapshot<typename C::Value, typename C::Report>& at) {
         if (until_next == 0) {
             write_row(at, rows);
             rows += row_width<typename C::Report>;

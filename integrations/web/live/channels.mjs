@@ -4,6 +4,7 @@ export const CHANNELS = [
   "rate",
   "rate_estimate",
   "rate_deviation",
+  "rate_error",
   "error.x",
   "error.y",
   "control.x",
@@ -15,6 +16,7 @@ export const CHANNELS = [
   "reference.x",
   "reference.y",
 ];
+export const PER_CHANNEL = 5; // numbers of a bin, see history.mjs
 export const place = Object.fromEntries(CHANNELS.map((name, i) => [name, i]));
 
 const sizeOf = (xx, xy, yy) => Math.sqrt(xx * xx + 2 * xy * xy + yy * yy);
@@ -33,11 +35,14 @@ function relative(scenario, columns, name) {
   };
 }
 
-// Returns a function that writes the channels of the row that starts at `from` to `out`. Rates are in the unit of the
-// setting, errors in µm; what a run does not have is NaN.
+export const PER_RADIAN = 180 / Math.PI; // degrees
+
+// Returns a function that writes the channels of the row that starts at `from` to `out`. Rates are in rad/s, or in
+// deg/s if the scenario states `degrees`; errors in µm; what a run does not have is NaN.
 export function channelsOf(scenario, columns) {
-  const scale = scenario.scales["plant.angular_rate"] ?? 1;
-  const rate = scenario.settings["plant.angular_rate"];
+  const shown = scenario.degrees ? PER_RADIAN : 1;
+  const scale = shown * (scenario.scales["plant.angular_rate"] ?? 1);
+  const rate = shown * scenario.settings["plant.angular_rate"];
   const moving = columns.indexOf("angular_rate");
   const stiffness = relative(scenario, columns, "stiffness");
   const damping = relative(scenario, columns, "damping");
@@ -51,6 +56,7 @@ export function channelsOf(scenario, columns) {
     out[place.rate] = moving < 0 ? rate : rows[from + moving] * scale;
     out[place.rate_estimate] *= scale;
     out[place.rate_deviation] *= scale;
+    out[place.rate_error] = out[place.rate_estimate] - out[place.rate];
     out[place["error.x"]] = length * Math.abs(out[place["error.x"]]);
     out[place["error.y"]] = length * Math.abs(out[place["error.y"]]);
     out[place.stiffness_error] = stiffness(rows, from);

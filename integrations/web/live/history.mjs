@@ -1,7 +1,7 @@
-// History of the runs: for each bin of samples the minimum, the maximum and the last value of every channel.
-import { CHANNELS } from "./channels.mjs";
+// History of the runs: for each bin of samples the minimum, maximum, last value, mean and mean square of every channel.
+import { CHANNELS, PER_CHANNEL } from "./channels.mjs";
 
-const WIDTH = 3 * CHANNELS.length;
+const WIDTH = PER_CHANNEL * CHANNELS.length;
 const CAPACITY = 16384; // bins
 
 export class History {
@@ -33,15 +33,31 @@ export class History {
     }
   }
 
+  #number(run, channel, i, which) {
+    return this.#bins[run].numbers[(i % CAPACITY) * WIDTH + PER_CHANNEL * channel + which];
+  }
   least(run, channel, i) {
-    return this.#bins[run].numbers[(i % CAPACITY) * WIDTH + 3 * channel];
+    return this.#number(run, channel, i, 0);
   }
   largest(run, channel, i) {
-    return this.#bins[run].numbers[(i % CAPACITY) * WIDTH + 3 * channel + 1];
+    return this.#number(run, channel, i, 1);
   }
   // At the bin's last sample.
   last(run, channel, i) {
-    return this.#bins[run].numbers[(i % CAPACITY) * WIDTH + 3 * channel + 2];
+    return this.#number(run, channel, i, 2);
+  }
+  mean(run, channel, i) {
+    return this.#number(run, channel, i, 3);
+  }
+  // Root mean square over all samples of the bins from one time to another; NaN without such bins.
+  rms(run, channel, from, to) {
+    const end = Math.min(this.count(run), this.at(to) + 1);
+    let [sum, count] = [0, 0];
+    for (let i = Math.max(this.first(run), this.at(from)); i < end; ++i) {
+      sum += this.#number(run, channel, i, 4);
+      ++count;
+    }
+    return Math.sqrt(sum / count);
   }
   // When that sample is, of the bin i.
   time(i) {

@@ -1,14 +1,16 @@
 // The live page: playback, drawing and controls.
-import { CHANNELS, place } from "./channels.mjs";
+import { CHANNELS, PER_RADIAN, place } from "./channels.mjs";
 import { element, selectField, settingField, sliderField } from "./controls.mjs";
 import { History } from "./history.mjs";
-import { Plot } from "./plot.mjs";
+import { Plot, drawLogLog } from "./plot.mjs";
 import { presets } from "./presets.mjs";
-import { Scene, figureOf } from "./scene.mjs";
+import { Scene, figureOf, periodOf } from "./scene.mjs";
+import { allan, errorsOf, spectrum } from "./spectra.mjs";
 import {
+  LARGE,
   NO_LAW,
   RUNS,
-  WINDOWS,
+  dataOf,
   fromHash,
   isOffered,
   isShared,
@@ -22,16 +24,17 @@ import {
   toToml,
 } from "./state.mjs";
 
-const BIN = 0.01; // width of the bins kept for the plots, units of time
+const STROBE = 1.5; // s on the screen for a period that is seen through a stroboscope
 const TAP = 20; // velocity added by a tap
 const SPOKEN_EVERY = 2000; // ms
 const SHOWN_EVERY = 100; // numbers, ms
+const VIEWED_EVERY = 250; // spectrum and Allan deviation, ms
 const LONGEST_FRAME = 0.05; // s; where frames take longer, time slows down
 
 const $ = (id) => document.getElementById(id);
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
-let data, state, theme;
+let all, data, state, theme; // `data`: of the preset's gyroscope
 let pages = presets;
 let history = new History(0, 1, 1);
 let scenarios = [];
@@ -45,6 +48,7 @@ let started = 0; // how often: what was asked for before is void
 let cursor = null;
 let figure = [];
 let dirty = true;
+let reversal = Infinity; // the sample at which the page reverses the rate by itself
 
 // -- The worker
 
@@ -52,8 +56,8 @@ const waiting = new Map();
 let asked = 0;
 let worker;
 
-function startWorker() {
-  const source = new Blob([$("worker").textContent], { type: "text/javascript" });
+async function startWorker() {
+  const source = new Blob([await unpacked("worker")], { type: "text/javascript" });
   worker = new Worker(URL.createObjectURL(source));
   worker.onmessage = ({ data: message }) => {
     const { resolve, reject } = waiting.get(message.id);
@@ -86,10 +90,13 @@ function problem(sentence) {
 
 // -- Running
 
+const presetOf = () => pages.find(({ key }) => key === state.preset);
 const runs = () => RUNS.filter((run) => state[run] !== NO_LAW);
 const stepOf = () => scenarios[0].settings["run.step"];
 // A unit of time in ms.
 const unitOfTime = () => 1e3 / (data.base.scales["plant.angular_rate"] ?? 1e3);
+const degrees = () => (data.degrees ? PER_RADIAN : 1);
+const unitOfRate = () => (data.degrees ? "deg/s" : "rad/s");
 const milliseconds = (samples) => samples * stepOf() * unitOfTime();
 
 // From t = 0, with the settings as they are. Returns whether they can be run.
@@ -97,9 +104,9 @@ async function restart() {
   const attempt = ++started;
   busy = true;
   const wanted = runs().map((run) => scenarioOf(data, state, run));
-  const bin = Math.max(1, Math.round(BIN / wanted[0].settings["run.step"]));
+  const bin = Math.max(1, Math.round(data.bin / wanted[0].settings["run.step"]));
   try {
-    await ask("start", { scenarios: wanted, bin });
+    await ask("start", { scenarios: wanted, bin, step: data.base.settings["run.step"] });
   } catch (error) {
     if (attempt === started) {
       busy = false;
@@ -116,6 +123,9 @@ async function restart() {
   ended = wanted.map(() => null);
   [sample, owed, cursor] = [0, 0, null];
   figure = figureOf(wanted[0]);
+  const { reverses } = presetOf();
+  const acts = reverses && !still.matches && !Object.hasOwn(state.shared, "plant.angular_rate");
+  reversal = acts ? Math.round(reverses.first / milliseconds(1)) : Infinity;
   scene.restart(smallForce() / 2, unitOfTime());
   problem("");
   showRuns();
@@ -160,7 +170,7 @@ async function taken(samples) {
 
 // Ωz in rad per unit of time.
 function turning() {
-  const rate = points[0][place.rate] / (scenarios[0].scales["plant.angular_rate"] ?? 1);
+  const rate = points[0][place.rate] / degrees() / (scenarios[0].scales["plant.angular_rate"] ?? 1);
   return still.matches ? 0 : rate;
 }
 
@@ -183,6 +193,18 @@ async function oneStep() {
   await advance(1);
 }
 
+// The preset acts: the state and the address stay as they are.
+async function reverse() {
+  if (sample < reversal) {
+    return; // restarted, or the visitor has moved the rate
+  }
+  const { every } = presetOf().reverses;
+  reversal += Math.round(every / milliseconds(1));
+  await tune("plant.angular_rate", -scenarios[0].settings["plant.angular_rate"]);
+  refreshed.forEach((field) => field.refresh());
+  showRate();
+}
+
 function kick(velocity) {
   ask("kick", { velocity }).catch((error) => problem(error.message));
 }
@@ -198,6 +220,7 @@ const restarts = (name) => Boolean(data.fields[name].fixed);
 // One of the settings of both runs, or of one.
 async function set(name, value, run) {
   const into = run ? state.own[run] : state.shared;
+  reversal = name === "plant.angular_rate" ? Infinity : reversal;
   const had = Object.hasOwn(into, name);
   const before = into[name];
   into[name] = value;
@@ -245,13 +268,17 @@ async function choose(name, key) {
 const refreshed = [];
 function refresh() {
   refreshed.forEach((field) => field.refresh());
-  const rate = valueOf("plant.angular_rate", "a");
+  showRate();
+  showSpeed();
+  remember();
+}
+
+function showRate() {
+  const rate = Number((degrees() * valueOf("plant.angular_rate", "a")).toPrecision(6));
   if (document.activeElement !== $("rate")) {
     $("rate").value = rate;
   }
-  $("rate-value").textContent = `${String(rate).replace("-", "−")} rad/s`;
-  showSpeed();
-  remember();
+  $("rate-value").textContent = `${String(rate).replace("-", "−")} ${unitOfRate()}`;
 }
 
 function showSpeed() {
@@ -292,13 +319,15 @@ function build() {
     }),
   );
   $("shared").replaceChildren($("shared").firstElementChild, ...sharedFields(added));
-  $("sentence").textContent = pages.find(({ key }) => key === state.preset).sentence;
+  $("sentence").textContent = presetOf().sentence;
   for (const link of $("presets").querySelectorAll("a")) {
     const chosen = link.hash === `#${state.preset}`;
     chosen ? link.setAttribute("aria-current", "true") : link.removeAttribute("aria-current");
   }
   $("out").querySelectorAll("button")[B_AS_TOML].disabled = state.b === NO_LAW;
   $("window").value = state.window;
+  $("plot").value = state.plot;
+  arrange();
   $("peaks").checked = state.peaks;
   refresh();
 }
@@ -395,8 +424,9 @@ function sharedFields(added) {
 // -- Plots and numbers
 
 // Which channels, and how a run's line of each looks.
+// In the order of LARGE. On a logarithmic scale the second channel of a run has another shade instead of dashes.
 const PLOTS = [
-  { title: "Angular rate", unit: "in rad/s", tall: true, least: 20, curves: [["rate_estimate", "estimated"]] },
+  { title: "Angular rate", unit: "", least: 20, curves: [["rate_estimate", "estimated"]] },
   { title: "Tracking error |e|", unit: "in µm", log: true, curves: [["error.x", "x"], ["error.y", "y"]] },
   { title: "Force u", unit: "in m ω₀² q₀", least: 2, curves: [["control.x", "x"], ["control.y", "y"]] },
   {
@@ -406,6 +436,12 @@ const PLOTS = [
     curves: [["stiffness_error", "K"], ["damping_error", "D"]],
   },
 ];
+// Views of the error of the rate over the time shown; drawn only if they are the large plot.
+const VIEWS = [
+  { title: "Spectrum of the rate's error", of: spectrum, per: "/√Hz over the frequency", unit: "Hz" },
+  { title: "Allan deviation of the rate's error", of: allan, per: " over the averaging time", unit: "s" },
+];
+const TITLES = [...PLOTS, ...VIEWS].map(({ title }) => title); // in the order of LARGE
 const FORCE = 2;
 const DASHES = [
   [[], [3, 3]],
@@ -414,19 +450,50 @@ const DASHES = [
 const TRUE_RATE = { run: 0, channel: place.rate, color: "text", dash: [4, 3], wide: false, label: "true" };
 
 let plots = [];
+let views = [];
 let legends = [];
 
 function buildPlots() {
-  plots = PLOTS.map(({ title, unit, tall, log, least }, i) => {
+  plots = PLOTS.map(({ title, unit, log, least }, i) => {
     const canvas = element("canvas", { role: "img", "aria-label": `${title} over time; the table has the numbers` });
     const legend = element("ul", { class: "legend" });
-    const heading = element("h2", {}, title, element("small", {}, ` ${unit}`));
-    const classes = `plot${tall ? " tall" : ""}${i === PLOTS.length - 1 ? " timed" : ""}`;
-    $("plot-list").append(element("div", { class: classes }, heading, legend, canvas));
+    const small = element("small", {}, unit); // that of a rate depends on the gyroscope
+    const heading = element("h2", {}, title, " ", small);
+    const box = element("div", { class: "plot" }, heading, legend, canvas);
     canvas.addEventListener("pointermove", ({ offsetX }) => moveCursor(plots[i].timeAt(offsetX, view())));
     canvas.addEventListener("pointerleave", () => moveCursor(null));
-    return Object.assign(new Plot(canvas, { log, least, times: i === PLOTS.length - 1 }), { legend });
+    return Object.assign(new Plot(canvas, { log, least }), { legend, box, small });
   });
+  views = VIEWS.map((view) => {
+    const canvas = element("canvas", { role: "img", "aria-label": `${view.title}, of each run` });
+    const small = element("small");
+    const box = element("div", { class: "plot tall" }, element("h2", {}, view.title, " ", small), canvas);
+    return { ...view, canvas, small, box };
+  });
+}
+
+// Draws the spectrum or the Allan deviation, of the time shown.
+function drawView({ canvas, of, unit }, { from, to }) {
+  const curves = runs().map((color, run) => {
+    const numbers = errorsOf(history, run, place.rate_error, from, to);
+    return { points: of(numbers, history.bin / 1e3), color, wide: true };
+  });
+  drawLogLog(canvas, curves, unit, theme);
+}
+
+// Puts the large plot first; it and the last one have an axis of time.
+function arrange() {
+  const large = [...plots, ...views][LARGE.indexOf(state.plot)];
+  const listed = [large, ...plots.filter((plot) => plot !== large)];
+  listed.forEach((plot, i) => {
+    const last = i === listed.length - 1;
+    plot.times = last || plot === large;
+    plot.box.className = `plot${plot === large ? " tall" : ""}${last ? " timed" : ""}`;
+  });
+  if (listed.some(({ box }, i) => $("plot-list").children[i] !== box)) {
+    $("plot-list").replaceChildren(...listed.map(({ box }) => box));
+  }
+  dirty = true;
 }
 
 // Its law, and what of that is set otherwise.
@@ -448,8 +515,8 @@ function showRuns() {
       PLOTS[i].curves.map(([channel, label], k) => ({
         run: at,
         channel: place[channel],
-        color: run,
-        dash: DASHES[at][k],
+        color: PLOTS[i].log && k > 0 ? `${run}-second` : run,
+        dash: PLOTS[i].log ? [] : DASHES[at][k],
         wide: k === 0,
         band: channel === "rate_estimate" ? place.rate_deviation : undefined,
         rare: channel === "rate_estimate" || channel.startsWith("control"),
@@ -461,14 +528,17 @@ function showRuns() {
       ...plot.curves.map(({ run, channel, color, dash, label, band }) => {
         const value = element("span");
         legends.push(() => {
-          const number = at(run, channel);
           const deviation = band === undefined ? NaN : at(run, band);
-          value.textContent = `${label} ${text(number)}${deviation > 0 ? ` ± ${text(deviation)}` : ""}`;
+          const rate = channel === place.rate_estimate || channel === place.rate;
+          const number = rate || cursor !== null ? text(at(run, channel)) : `RMS ${text(shownRms(run, channel))}`;
+          value.textContent = `${label} ${number}${deviation > 0 ? ` ± ${text(deviation)}` : ""}`;
         });
         return element("li", {}, swatch(color, dash), value);
       }),
     );
   });
+  plots[0].small.textContent = `in ${unitOfRate()}`;
+  views.forEach(({ small, per }) => (small.textContent = `in ${unitOfRate()}${per}`));
   showLimits();
   const cells = names.map((run) => element("th", { scope: "col" }, run.toUpperCase()));
   const table = $("now").querySelector("table");
@@ -486,9 +556,9 @@ function showLimits() {
 }
 
 const VALUES = [
-  ["rate", "true angular rate", "rad/s"],
-  ["rate_estimate", "estimated angular rate", "rad/s"],
-  ["rate_deviation", "its standard deviation", "rad/s"],
+  ["rate", "true angular rate", "rate"],
+  ["rate_estimate", "estimated angular rate", "rate"],
+  ["rate_deviation", "its standard deviation", "rate"],
   ["error.x", "tracking error |x|", "µm"],
   ["error.y", "tracking error |y|", "µm"],
   ["control.x", "force x", "m ω₀² q₀"],
@@ -502,7 +572,8 @@ function valueRow(channel, words, unit, names) {
     legends.push(() => (cell.textContent = text(at(i, place[channel]))));
     return cell;
   });
-  return element("tr", {}, element("th", { scope: "row" }, unit ? `${words}, ${unit}` : words), ...cells);
+  const shown = unit === "rate" ? unitOfRate() : unit;
+  return element("tr", {}, element("th", { scope: "row" }, shown ? `${words}, ${shown}` : words), ...cells);
 }
 
 function swatch(color, dash) {
@@ -524,6 +595,21 @@ function at(run, channel) {
 const cursorBin = (run) =>
   Math.max(history.first(run), Math.min(history.count(run) - 1, Math.max(0, history.at(cursor))));
 const shownTime = () => (cursor === null ? milliseconds(sample - 1) : history.time(Math.max(0, cursorBin(0))));
+
+// Over the time shown.
+function shownRms(run, channel) {
+  const { from, to } = view();
+  return history.rms(run, channel, from, to);
+}
+
+// RMS of both runs over the time shown: momentary values may say the opposite of the curves.
+function measured() {
+  const number = (of) => text(of).replace("e-", "e−"); // which is not broken at the end of a line
+  const each = (of) => runs().map((run, i) => `${run.toUpperCase()} ${number(of(i))}`).join(", ");
+  const rate = each((run) => shownRms(run, place.rate_error));
+  const error = each((run) => Math.hypot(shownRms(run, place["error.x"]), shownRms(run, place["error.y"])));
+  return `RMS over the time shown: error of the rate ${rate} ${unitOfRate()}; tracking error ${error} µm.`;
+}
 
 function text(number) {
   if (!Number.isFinite(number)) {
@@ -548,6 +634,7 @@ function moveCursor(time) {
 
 function showNumbers() {
   legends.forEach((show) => show());
+  $("measured").textContent = measured();
   const ends = ended.flatMap((time, i) => {
     return time === null ? [] : [`Run ${runs()[i].toUpperCase()} diverged at ${time.toPrecision(4)} ms.`];
   });
@@ -562,7 +649,7 @@ function spoken() {
     const [estimate, deviation] = [points[i][place.rate_estimate], points[i][place.rate_deviation]];
     const band = deviation > 0 ? ` plus or minus ${text(deviation)}` : "";
     const rate = Number.isFinite(estimate) ? `estimate ${text(estimate)}${band}` : "no estimate";
-    const error = `error x ${text(points[i][place["error.x"]])} µm`;
+    const error = `RMS error x ${text(shownRms(i, place["error.x"]))} µm`;
     return ended[i] === null ? `run ${run.toUpperCase()} ${rate}, ${error}` : `run ${run.toUpperCase()} has diverged`;
   });
   return `t ${milliseconds(sample).toFixed(1)} ms: rate ${text(points[0][place.rate])}; ${parts.join("; ")}`;
@@ -571,24 +658,32 @@ function spoken() {
 // -- Frames
 
 const scene = new Scene($("scene"));
-let [frameBefore, shownAt, spokenAt] = [0, 0, 0];
+let [frameBefore, shownAt, spokenAt, viewedAt] = [0, 0, 0, 0];
 
 function frame(now) {
   const seconds = Math.min((now - frameBefore) / 1e3, LONGEST_FRAME);
   frameBefore = now;
   if (playing && !busy) {
     owed += (state.speed * seconds) / milliseconds(1);
-    const samples = Math.floor(owed);
+    const samples = Math.min(Math.floor(owed), Math.max(1, reversal - sample));
     if (samples > 0) {
       owed -= samples;
-      advance(samples);
+      const turns = sample + samples >= reversal;
+      advance(samples).then(() => turns && reverse());
     }
   }
   if (dirty && scenarios.length) {
     dirty = false;
     const seen = view();
     plots.forEach((plot) => plot.draw(history, seen, theme));
-    scene.draw(history, points, figure, theme);
+    const shownView = views[LARGE.indexOf(state.plot) - plots.length];
+    if (shownView && (!playing || now - viewedAt >= VIEWED_EVERY)) {
+      viewedAt = now;
+      drawView(shownView, seen);
+    }
+    const seenRate = degrees() * valueOf("plant.angular_rate", "a");
+    const turned = (Number.isFinite(points[0][place.rate]) ? points[0][place.rate] : seenRate) / Number($("rate").max);
+    scene.draw(history, seenPoints(), figure, theme, turned);
     if (!(playing || busy) || now - shownAt >= SHOWN_EVERY) {
       shownAt = now;
       showNumbers();
@@ -601,9 +696,32 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
+// Points for the scene: a mass that is faster than frames is seen as through a stroboscope, each time a little more
+// of a period later.
+function seenPoints() {
+  const period = periodOf(scenarios[0]) * unitOfTime();
+  const shown = sample * milliseconds(1);
+  if (!playing || state.speed < 5 * period || history.count(0) < 2) {
+    return points;
+  }
+  const phase = (performance.now() / 1e3 / STROBE) % 1;
+  const time = (Math.floor(shown / period - phase) + phase) * period - period;
+  return points.map((point, run) => {
+    const at = (time + history.step) / history.bin - 1; // between two bins
+    const i = Math.floor(at);
+    if (i < history.first(run) || i + 1 >= history.count(run)) {
+      return point;
+    }
+    return point.map((_, channel) => {
+      const [one, next] = [history.last(run, channel, i), history.last(run, channel, i + 1)];
+      return one + (at - i) * (next - one);
+    });
+  });
+}
+
 function readTheme() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["surface", "text", "muted", "grid", "a", "b"];
+  const names = ["surface", "text", "muted", "grid", "accent", "a", "b", "a-second", "b-second"];
   theme = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   dirty = true;
 }
@@ -625,8 +743,37 @@ async function copy(words, what) {
 async function saveSeen() {
   const { from } = view();
   const { text: content } = await ask("csv", { since: Math.round(from / milliseconds(1)), step: stepOf() });
-  const url = URL.createObjectURL(new Blob([content], { type: "text/csv" }));
-  element("a", { href: url, download: "fracgyro.csv" }).click();
+  save(new Blob([content], { type: "text/csv" }), "fracgyro.csv");
+}
+
+// Saves the scene and the large plot, with the runs and their RMS above, as a PNG file.
+async function savePicture() {
+  const large = [...plots, ...views][LARGE.indexOf(state.plot)];
+  const ratio = window.devicePixelRatio || 1;
+  const [plot, drawn] = [large.canvas, scene.canvas];
+  const gap = 16 * ratio;
+  const head = 72 * ratio;
+  const picture = element("canvas", {
+    width: plot.width + drawn.width + 3 * gap,
+    height: Math.max(plot.height, drawn.height) + head + gap,
+  });
+  const context = picture.getContext("2d");
+  context.fillStyle = theme.surface;
+  context.fillRect(0, 0, picture.width, picture.height);
+  context.drawImage(drawn, gap, head);
+  context.drawImage(plot, drawn.width + 2 * gap, head);
+  context.fillStyle = theme.text;
+  const labels = runs().map((run) => `${run.toUpperCase()}: ${described(run)}`).join("   ");
+  [`fracgyro: ${presetOf().title}, ${TITLES[LARGE.indexOf(state.plot)]}`, labels, measured()].forEach((words, i) => {
+    context.font = `${i ? "" : "bold "}${13 * ratio}px system-ui, sans-serif`;
+    context.fillText(words, gap, (20 + 20 * i) * ratio, picture.width - 2 * gap);
+  });
+  save(await new Promise((resolve) => picture.toBlob(resolve)), "fracgyro.png");
+}
+
+function save(blob, name) {
+  const url = URL.createObjectURL(blob);
+  element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 1000);
 }
 
@@ -641,19 +788,20 @@ function buildOut() {
     button("Copy A as TOML", () => copy(toToml(data, state, "a"), "The scenario was")),
     button("Copy B as TOML", () => copy(toToml(data, state, "b"), "The scenario was")),
     button("Save what is seen as CSV", saveSeen),
+    button("Save a picture", savePicture),
   );
 }
 
 // -- Events
 
 function listen() {
-  const setRate = (rate) => set("plant.angular_rate", rate);
+  const setRate = (rate) => set("plant.angular_rate", rate); // rad/s
   const rate = () => valueOf("plant.angular_rate", "a");
   $("play").addEventListener("click", () => (playing ? pause() : play()));
   $("step").addEventListener("click", oneStep);
   $("restart").addEventListener("click", restart);
   $("kick").addEventListener("click", () => kick([TAP, 0]));
-  $("rate").addEventListener("input", () => setRate(Number($("rate").value)));
+  $("rate").addEventListener("input", () => setRate(Number($("rate").value) / degrees()));
   $("rate-double").addEventListener("click", () => setRate(2 * rate()));
   $("rate-reverse").addEventListener("click", () => setRate(-rate()));
   $("rate-zero").addEventListener("click", () => setRate(0));
@@ -662,11 +810,15 @@ function listen() {
     showSpeed();
     remember();
   });
-  const label = (units) => `${Number((units * unitOfTime()).toPrecision(3))} ms`;
-  $("window").append(...WINDOWS.map((units) => element("option", { value: units }, label(units))));
   $("window").addEventListener("change", () => {
     state.window = Number($("window").value);
     dirty = true;
+    remember();
+  });
+  $("plot").append(...LARGE.map((key, i) => element("option", { value: key }, TITLES[i])));
+  $("plot").addEventListener("change", () => {
+    state.plot = $("plot").value;
+    arrange();
     remember();
   });
   $("peaks").addEventListener("change", () => {
@@ -721,24 +873,28 @@ function onArrow(event) {
   }
 }
 
-// The ranges of a page of one scenario.
-function showOwn() {
-  const rate = Math.abs(data.base.settings["plant.angular_rate"]);
+// The ranges for the preset's gyroscope.
+function showRanges() {
+  const rate = degrees() * Math.abs(data.base.settings["plant.angular_rate"]);
   const most = Number((3 * rate || 300).toPrecision(2));
   Object.assign($("rate"), { min: -most, max: most, step: most / 300 });
   Object.assign($("speed"), { min: Math.log10(data.speeds.minimum), max: Math.log10(data.speeds.maximum) });
   plots[0].least = Math.min(20, 0.2 * rate || 20);
+  const label = (units) => `${Number((units * unitOfTime()).toPrecision(3))} ms`;
+  $("window").replaceChildren(...data.windows.map((units) => element("option", { value: units }, label(units))));
 }
 
 // Shows the page of the address; if there is no such page, the first preset and the reason.
 async function fromAddress() {
   let why = "";
   try {
-    state = fromHash(data, pages, location.hash);
+    state = fromHash(all, pages, location.hash);
   } catch (error) {
     why = error.message;
     state = stateOf(pages[0]);
   }
+  data = dataOf(all, pages, state);
+  showRanges();
   if (!(await restart())) {
     why = $("problem").textContent;
     state = stateOf(pages.find(({ key }) => key === state.preset));
@@ -748,29 +904,18 @@ async function fromAddress() {
   problem(why);
 }
 
-async function unpacked(id) {
-  if (!("DecompressionStream" in window)) {
-    throw new Error("This page needs a browser of 2023 or later: this one cannot unpack it.");
-  }
-  const bytes = Uint8Array.from(atob($(id).textContent), (letter) => letter.charCodeAt(0));
-  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-}
-
 async function main() {
-  data = JSON.parse(new TextDecoder().decode(await unpacked("data")));
-  pages = data.presets ?? presets;
+  all = JSON.parse(new TextDecoder().decode(await unpacked("data")));
+  pages = all.presets ?? presets;
   readTheme();
-  startWorker();
-  await ask("load", { wasm: await unpacked("module"), data });
+  await startWorker();
+  await ask("load", { wasm: await unpacked("module"), data: all });
   $("presets").append(
     ...pages.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),
   );
-  $("version").textContent = `fracgyro ${data.version}`;
+  $("version").textContent = `fracgyro ${all.version}`;
   buildPlots();
   buildOut();
-  if (data.own) {
-    showOwn();
-  }
   listen();
   await fromAddress();
   requestAnimationFrame(frame);

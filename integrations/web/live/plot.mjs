@@ -175,11 +175,12 @@ export class Plot {
     }
   }
 
-  // From the least to the largest of every column; on a logarithmic scale, where noise would fill it, only the largest.
+  // From the least to the largest of every column; on a logarithmic scale, where noise would fill it and gaps of dashes
+  // would look like lost data, only the largest, without dashes.
   // Dashes are of columns: those of a context follow every turn of the noise, at many times the cost. So does a line
   // that is wider than a pixel; a wide one is drawn twice.
   #curve(context, columns, origin, y, curve, theme, merged) {
-    const drawn = dashes(curve.dash);
+    const drawn = dashes(this.log ? [] : curve.dash);
     const bars = merged && !this.log;
     const heights = this.log ? columns.largest : columns.last;
     context.strokeStyle = theme[curve.color];
@@ -204,6 +205,46 @@ export class Plot {
       context.stroke(path);
       context.translate(-0.5, -0.8);
     }
+  }
+}
+
+// Curves of points [x, y] with logarithmic scales: { points, color, wide }. unit: of x.
+export function drawLogLog(canvas, curves, unit, theme) {
+  const { context, width, height } = fitted(canvas);
+  const area = { left: LEFT, right: width - RIGHT, top: TOP, bottom: height - AXIS };
+  const all = curves.flatMap(({ points }) => points).filter((point) => point.every((number) => number > 0));
+  context.font = FONT;
+  context.fillStyle = theme.text;
+  if (!all.length) {
+    context.fillText("no estimate of the rate for long enough yet", area.left, height / 2);
+    return;
+  }
+  const exponents = [0, 1].map((axis) => all.map((point) => Math.log10(point[axis])));
+  const lows = exponents.map((of) => of.reduce((least, each) => Math.min(least, each)));
+  const highs = exponents.map((of) => of.reduce((largest, each) => Math.max(largest, each)));
+  const [bottom, top] = [Math.floor(lows[1]), Math.max(Math.ceil(highs[1]), Math.floor(lows[1]) + 1)];
+  const x = (log) => area.left + ((log - lows[0]) / (highs[0] - lows[0] || 1)) * (area.right - area.left);
+  const y = (log) => area.bottom - ((log - bottom) / (top - bottom)) * (area.bottom - area.top);
+  context.textBaseline = "middle";
+  context.textAlign = "right";
+  for (let tick = bottom; tick <= top; tick += Math.max(1, Math.ceil((top - bottom) / 6))) {
+    line(context, [area.left, y(tick), area.right, y(tick)], theme.grid, []);
+    context.fillText(power(tick), area.left - 6, y(tick));
+  }
+  context.fillText(unit, area.right, area.bottom + 12);
+  context.textAlign = "center";
+  for (let tick = Math.ceil(lows[0]); tick <= highs[0]; ++tick) {
+    line(context, [x(tick), area.top, x(tick), area.bottom], theme.grid, []);
+    if (x(tick) < area.right - 30) {
+      context.fillText(power(tick), x(tick), area.bottom + 12);
+    }
+  }
+  for (const { points, color, wide } of curves) {
+    context.strokeStyle = theme[color];
+    context.lineWidth = wide ? 2 : 1;
+    context.beginPath();
+    points.forEach((point) => context.lineTo(...[x, y].map((to, axis) => to(Math.log10(point[axis])))));
+    context.stroke();
   }
 }
 

@@ -1,14 +1,30 @@
 // The presets of the page: two controllers, settings, and one sentence, which tests/python/test_live.py checks on runs.
-// `shared`: settings of both runs; `own`: settings of one. #key is the preset's address.
+// #key is the preset's address. `gyroscope`: another than the paper's. `shared`: settings of both runs; `own`: settings
+// of one. `plot`: the large one. `reverses`: when the page reverses the rate by itself, and how often, ms, until the
+// visitor moves it.
 export const presets = [
   {
     key: "follow",
     title: "Follow the rate",
     sentence:
-      "Move the angular rate: the law as printed (A) never learns it; with least squares (B) the estimate " +
-      "follows and shows how sure it is.",
+      "The rate reverses by itself until you move it: the law as printed (A) never learns it; with least squares (B) " +
+      "the estimate follows and shows how sure it is.",
     a: "printed",
     b: "least_squares",
+    reverses: { first: 5, every: 10 },
+  },
+  {
+    key: "dual-mass",
+    title: "300 deg/s",
+    sentence:
+      "A silicon gyroscope at 300 deg/s, from noisy positions: after 10 ms a Kalman filter (A) has the rate to " +
+      "0.2 deg/s, the paper's adaptation laws (B) only to hundreds; a reversal throws both off.",
+    gyroscope: "dual_mass",
+    a: "own",
+    b: "gradient",
+    speed: 14.2,
+    window: 1000,
+    reverses: { first: 25, every: 40 },
   },
   {
     key: "thrown",
@@ -17,7 +33,7 @@ export const presets = [
       "With the sign of its law corrected, the estimate (A) does learn, but the start throws it off by more " +
       "than 200 times the rate, and 20 ms later it is still off by half.",
     a: "corrected",
-    speed: 0.2,
+    speed: 0.7,
     window: 2,
     peaks: true,
   },
@@ -28,7 +44,6 @@ export const presets = [
       "Least squares that assume a constant rate know it to 10 % after 1 ms and to 2 % after 20 ms; the band is" +
       " one standard deviation.",
     a: "least_squares",
-    speed: 1,
     own: { a: { "adaptation.rate_forgetting": 0 } },
   },
   {
@@ -40,7 +55,6 @@ export const presets = [
     a: "least_squares",
     b: "least_squares",
     rate: "sine",
-    speed: 6,
     own: { b: { "adaptation.rate_forgetting": 2 } },
   },
   {
@@ -70,6 +84,20 @@ export const presets = [
     a: "corrected",
     b: "corrected",
     own: { b: { "controller.order": 1 } },
+    plot: "error",
+  },
+  {
+    key: "allan",
+    title: "Allan deviation",
+    sentence:
+      "From noisy positions, least squares (B) swing with the motion: 40 rad/s at 1 to 2 ms of averaging. A Kalman " +
+      "filter (A), once it has learned D and K, stays below 4 rad/s at any time of averaging.",
+    a: "joint",
+    b: "least_squares",
+    sensors: "positions",
+    plot: "allan",
+    speed: 27,
+    window: 80,
   },
   {
     key: "lqg",
@@ -79,6 +107,7 @@ export const presets = [
       "error (A), from the start on.",
     a: "corrected",
     b: "lqg",
+    plot: "error",
   },
   {
     key: "long-step",
@@ -88,8 +117,9 @@ export const presets = [
       "the same model of the plant (B) does not.",
     a: "corrected",
     b: "pid",
-    speed: 0.4,
+    speed: 1.7,
     window: 5,
+    plot: "error",
     shared: { "run.step": 0.006 },
   },
 ];

@@ -1,10 +1,15 @@
-// The proof mass from above: springs, where it was, where it should be, the force, and the frame that turns with the
-// chip.
+// The gyroscope from above: the frame, which turns with the chip, its combs and springs, the proof mass, where it was
+// and where it should be, the force, and the angular rate as an arc.
 import { fitted } from "./plot.mjs";
 import { place } from "./channels.mjs";
 
 const REACH = 1.75; // from the middle to the frame, in units of q0
 const FASTEST = 0.6; // the frame's turning on the screen, rad/s
+const HALF = 0.4; // side of the mass, halved
+const FINGER = 0.22; // length of the combs' fingers
+const PITCH = 0.16; // from one finger to the next
+const ARC = 2.42; // radius of the arc of the rate
+const LONGEST_ARC = 2.4; // rad
 const TRAIL = 2; // units of time
 const PATH = 2000; // bins of a reference that is not a figure
 const FAR = 1.25; // the reference stays within this distance on each axis, q0 or more
@@ -43,19 +48,23 @@ export class Scene {
   }
 
   // points: the channels of each run's last sample. figure: points of the reference; null: those of the history.
-  draw(history, points, figure, theme) {
+  // turned: the rate as a share of the slider's range.
+  draw(history, points, figure, theme, turned) {
     const { context, width, height } = fitted(this.canvas);
     const size = Math.min(width, height) / 2 / (REACH * 1.45);
-    context.translate(width / 2, height / 2);
-    context.rotate(-this.#angle);
-    context.scale(size, -size);
-    context.lineJoin = "round";
     const pixel = 1 / size;
-    context.lineWidth = 3 * pixel;
+    context.translate(width / 2, height / 2);
+    context.scale(size, -size);
+    drawRate(context, Math.max(-1, Math.min(1, turned)) * LONGEST_ARC, theme, pixel);
+    context.rotate(this.#angle);
+    context.lineJoin = "round";
+    context.lineWidth = 4 * pixel;
     context.strokeStyle = theme.text;
     context.strokeRect(-REACH, -REACH, 2 * REACH, 2 * REACH);
     context.fillStyle = theme.text;
     context.fillRect(-0.06, REACH, 0.12, 0.14); // so that turning shows
+    const combs = sides(REACH, REACH - 2 * PITCH, 0).map(([at, out]) => [at, [at[0] - out[0], at[1] - out[1]]]);
+    combs.forEach((finger) => stroke(context, finger, theme.text, 1.5 * pixel, []));
     const goal = [points[0][place["reference.x"]], points[0][place["reference.y"]]];
     const path = [...(figure ?? pathOf(history, 0, "reference", history.count(0) - PATH)), goal];
     const farthest = Math.max(FAR, ...path.flat().map((a) => Math.abs(a) || 0));
@@ -73,15 +82,16 @@ export class Scene {
   #mass(context, run, point, theme, pixel) {
     const color = theme["ab"[run]];
     const [x, y] = ["x", "y"].map((axis) => bounded(this.#zoom * point[place[`position.${axis}`]]));
-    const half = 0.3;
+    const half = HALF;
     if (run === 0) {
-      const springs = [
-        [[-REACH, 0], [x - half, y]],
-        [[REACH, 0], [x + half, y]],
-        [[0, -REACH], [x, y - half]],
-        [[0, REACH], [x, y + half]],
-      ];
-      springs.forEach(([from, to]) => stroke(context, spring(from, to), theme.muted, 1.5 * pixel, []));
+      for (const [i, j] of [[-1, -1], [-1, 1], [1, -1], [1, 1]]) {
+        const turns = spring([i * REACH, j * REACH], [x + i * half, y + j * half]);
+        stroke(context, turns, theme.muted, 1.5 * pixel, []);
+      }
+      for (const [[fromX, fromY], [outX, outY]] of sides(half, half, PITCH / 2)) {
+        const finger = [[x + fromX, y + fromY], [x + fromX + outX, y + fromY + outY]];
+        stroke(context, finger, color, 1.5 * pixel, []);
+      }
     }
     context.lineWidth = 2 * pixel;
     context.strokeStyle = color;
@@ -113,6 +123,38 @@ export class Scene {
     context.lineTo(x + dx + ey * 0.6, y + dy - ex * 0.6);
     context.fill();
   }
+}
+
+// The roots of fingers on the sides of a square, half its width away from the middle, and how far they reach outward.
+// They are on each side up to `end` from its middle, and shifted by `shift`.
+function sides(half, end, shift) {
+  const found = [];
+  for (let along = -end + shift; along <= end + 1e-9; along += PITCH) {
+    for (const sign of [-1, 1]) {
+      found.push([[along, sign * half], [0, sign * FINGER]], [[sign * half, along], [sign * FINGER, 0]]);
+    }
+  }
+  return found;
+}
+
+// An arc of this angle around the frame, from the top, with its head in the direction in which the chip turns.
+function drawRate(context, angle, theme, pixel) {
+  if (Math.abs(angle) < 0.02) {
+    return;
+  }
+  const way = Math.sign(angle);
+  const end = Math.PI / 2 + angle;
+  context.strokeStyle = context.fillStyle = theme.accent;
+  context.lineWidth = 3 * pixel;
+  context.beginPath();
+  context.arc(0, 0, ARC, Math.PI / 2, end, angle < 0);
+  context.stroke();
+  const on = (radius, at) => [radius * Math.cos(at), radius * Math.sin(at)];
+  context.beginPath();
+  context.moveTo(...on(ARC, end + way * 0.12));
+  context.lineTo(...on(ARC + 0.11, end));
+  context.lineTo(...on(ARC - 0.11, end));
+  context.fill();
 }
 
 // A motion that leaves the frame is drawn at its edge.
@@ -150,8 +192,17 @@ function pathOf(history, run, name, begin) {
   );
 }
 
+// The longest period of the axes of a reference of sines, units of time; 1 for any other.
+export function periodOf({ settings }) {
+  const slowest = Math.min(
+    ...["x", "y"].map((axis) => Math.abs(settings[`reference.frequency.${axis}`]) || Infinity),
+  );
+  return Number.isFinite(slowest) ? (2 * Math.PI) / slowest : 1;
+}
+
 // A reference of sines from its settings, for as long as a figure takes; null for any other, which has no period.
-export function figureOf({ settings }) {
+export function figureOf(scenario) {
+  const { settings } = scenario;
   if ([0, 1].some((axis) => settings[`reference.kind[${axis}]`] !== "sine")) {
     return null;
   }
@@ -160,7 +211,6 @@ export function figureOf({ settings }) {
       const of = (name) => settings[`reference.${name}.${axis}`];
       return of("offset") + of("amplitude") * Math.sin(of("frequency") * time + of("phase"));
     });
-  const slowest = Math.min(...["x", "y"].map((axis) => Math.abs(settings[`reference.frequency.${axis}`]) || Infinity));
-  const period = Number.isFinite(slowest) ? (2 * Math.PI) / slowest : 1;
+  const period = periodOf(scenario);
   return Array.from({ length: 201 }, (_, i) => at((i * period) / 200));
 }

@@ -3,7 +3,7 @@
 
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
-export const WINDOWS = [2, 5, 20, 80];
+export const LARGE = ["rate", "error", "force", "estimates", "spectrum", "allan"]; // plots that can be large
 const SHARED = ["plant", "reference", "disturbance", "run"];
 // Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
 // ways, are not offered.
@@ -23,12 +23,19 @@ export function stateOf(preset) {
     b: preset.b ?? NO_LAW,
     rate: preset.rate ?? "constant",
     sensors: preset.sensors ?? "exact",
-    speed: preset.speed ?? 2,
+    plot: preset.plot ?? "rate",
+    speed: preset.speed ?? 7,
     window: preset.window ?? 20,
     peaks: preset.peaks ?? false,
     shared: { ...preset.shared },
     own: { a: { ...preset.own?.a }, b: { ...preset.own?.b } },
   };
+}
+
+// The data of the gyroscope of a preset.
+export function dataOf(data, presets, { preset }) {
+  const { gyroscope } = presets.find(({ key }) => key === preset);
+  return gyroscope ? { ...data, ...data.gyroscopes[gyroscope] } : data;
 }
 
 export const kindOf = (data, state, run) => data.laws[state[run]].settings["controller.kind"];
@@ -54,7 +61,10 @@ export function scenarioOf(data, state, run) {
   const assumed = Object.fromEntries(
     Object.entries(data.base.assumed).map(([name, usual]) => [name, settings[`datasheet.${name}`] ?? usual]),
   );
-  const given = Object.entries({ length, device, reference, disturbance, assumed }).filter(([, each]) => each);
+  const { degrees } = data; // unit of the rates shown
+  const given = Object.entries({ length, device, reference, disturbance, assumed, degrees }).filter(
+    ([, each]) => each,
+  );
   return { settings: own, scales, ...Object.fromEntries(given) };
 }
 
@@ -75,7 +85,7 @@ function parsed(field, text) {
 export function toHash(presets, state) {
   const preset = stateOf(presets.find(({ key }) => key === state.preset));
   const words = new URLSearchParams();
-  for (const name of ["a", "b", "rate", "sensors", "speed", "window", "peaks"]) {
+  for (const name of ["a", "b", "rate", "sensors", "plot", "speed", "window", "peaks"]) {
     if (state[name] !== preset[name]) {
       words.set(name, state[name]);
     }
@@ -94,9 +104,10 @@ export function toHash(presets, state) {
 }
 
 // Throws RangeError, in one sentence, for what no page can show. Ranges of settings are checked where they are used.
-export function fromHash(data, presets, hash) {
+export function fromHash(all, presets, hash) {
   const [key, ...rest] = hash.replace(/^#/, "").split("&");
   const state = stateOf(chosen(presets, "preset", key || presets[0].key));
+  const data = dataOf(all, presets, state);
   for (const [name, text] of new URLSearchParams(rest.join("&"))) {
     take(data, state, name, text);
   }
@@ -125,7 +136,8 @@ function take(data, state, name, text) {
     b: [NO_LAW, ...laws],
     rate: Object.keys(data.rates),
     sensors: Object.keys(data.sensors),
-    window: WINDOWS.map(String),
+    plot: LARGE,
+    window: data.windows.map(String),
     peaks: ["true", "false"],
   };
   if (Object.hasOwn(choices, name)) {
@@ -209,8 +221,9 @@ function toml(value) {
 export function toCommand(data, state, run) {
   const { own } = data;
   const changes = differing(data, state, run, own ? ofFile(data, state, run) : data.defaults.command);
-  if (own && state[run] !== own.law) {
-    changes.unshift(["controller.kind", kindOf(data, state, run)]);
+  if (own) {
+    const toLaw = Object.entries(data.laws[state[run]].changes).map(([path, value]) => [path, toml(value)]);
+    changes.unshift(...toLaw);
   }
   const words = changes.map(([path, value]) => {
     const change = `${path}=${value.replace(/^"(\w+)"$/, "$1")}`;

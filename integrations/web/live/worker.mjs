@@ -3,12 +3,11 @@
 // Messages are answered one after another: { is: "load" | "start" | "advance" | "set" | "kick" | "csv", id, … } by the
 // same with what was found, or with the sentence of a `problem`.
 import { load } from "../fracgyro.mjs";
-import { CHANNELS, channelsOf } from "./channels.mjs";
+import { CHANNELS, PER_CHANNEL, channelsOf } from "./channels.mjs";
 
 const KEPT = 8192; // rows of a run for the CSV file, one of each bin
 
 let fracgyro;
-let step; // which the numbers of a device are for
 let runs = [];
 let binSamples = 1;
 
@@ -17,7 +16,7 @@ class Run {
   #loop;
   #write;
   #binned = 0; // samples in the bin that is not full
-  #bin = new Float64Array(3 * CHANNELS.length);
+  #bin = new Float64Array(PER_CHANNEL * CHANNELS.length);
   #point = new Float64Array(CHANNELS.length);
   #kept = []; // [sample, row]
 
@@ -48,8 +47,8 @@ class Run {
     this.#loop.kick(velocity);
   }
 
-  // The coming samples, of which the first has this number. Returns the bins that became full, of each channel the
-  // least, the largest and the last; the channels of the last sample; and all of its row.
+  // The coming samples, of which the first has this number. Returns the bins that became full, as in history.mjs; the
+  // channels of the last sample; and all of its row.
   advance(first, samples) {
     const width = this.columns.length;
     const rows = this.#loop.run(samples);
@@ -74,15 +73,18 @@ class Run {
   #add() {
     for (let i = 0; i < CHANNELS.length; ++i) {
       const number = this.#point[i];
-      const at = 3 * i;
+      const at = PER_CHANNEL * i;
       if (this.#binned === 0) {
         this.#bin[at] = this.#bin[at + 1] = number;
+        this.#bin[at + 3] = this.#bin[at + 4] = 0;
       } else if (number < this.#bin[at]) {
         this.#bin[at] = number;
       } else if (number > this.#bin[at + 1]) {
         this.#bin[at + 1] = number;
       }
       this.#bin[at + 2] = number;
+      this.#bin[at + 3] += number / binSamples;
+      this.#bin[at + 4] += (number * number) / binSamples;
     }
     ++this.#binned;
   }
@@ -96,10 +98,10 @@ class Run {
 const answer = {
   async load({ wasm, data }) {
     fracgyro = await load({ wasm, data });
-    step = data.base.settings["run.step"];
   },
 
-  async start({ scenarios, bin }) {
+  // step: the one that the numbers of a device are for.
+  async start({ scenarios, bin, step }) {
     const started = ({ settings, ...rest }) =>
       fracgyro.loop({ ...rest, settings: { ...settings, "run.step": step } }, { "run.step": settings["run.step"] });
     const loops = await Promise.all(scenarios.map(started));

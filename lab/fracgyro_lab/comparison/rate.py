@@ -72,6 +72,7 @@ WORDS = {
 SQUARED = ("angle_random_walk", "over_bound", "output_noise", "equal_motion", "rms_drift")
 
 
+MAX_BELOW_BOUND = 2.0  # bound over the angle random walk: beyond, the output hardly responds to a rate near 0
 MAX_LIMIT_RATIO = 10.0  # ratio to a limit, above which noise is not simulated
 NOTHING = 1e-9  # deg/sqrt(h): smaller noise means that the converter is too coarse and its output constant
 
@@ -140,7 +141,11 @@ class Rate(Task):
         )
 
     def constraints(self, ceiling: float) -> list[Constraint]:
-        return [Limit(metric="scale_factor_error", at_most=5000.0), Limit(metric="settling_time", at_most=100.0)]
+        return [
+            Limit(metric="scale_factor_error", at_most=5000.0),
+            Limit(metric="settling_time", at_most=100.0),
+            Limit(metric="below_bound", at_most=MAX_BELOW_BOUND),
+        ]
 
     def completed(self, contender: Contender, base: Scenario, values: Mapping[str, Any]) -> dict[str, Any] | None:
         gain = contender.bandwidth
@@ -170,10 +175,11 @@ class Rate(Task):
     ) -> Measured:
         walk, spread, mean = noise_at_rest(scenario, seeds, controller, wait)
         level, settling = at_range(scenario, seeds[:1], controller)
-        ones = np.ones(len(seeds))
+        ones, least = np.ones(len(seeds)), bound(scenario)
         metrics = {
             "angle_random_walk": walk,
-            "over_bound": walk / bound(scenario),
+            "over_bound": walk / least,
+            "below_bound": np.nan_to_num(least) / np.maximum(walk, NOTHING),
             "output_noise": spread,
             "zero_rate_output": mean,
             "scale_factor_error": ones * abs(1e6 * (level / RANGE - 1)),
@@ -188,13 +194,14 @@ class Rate(Task):
         return [self._trained(scenario, seeds, controller) for scenario in scenarios]
 
     def _trained(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> Measured:
-        limits = self.constraints(0.0)
+        limits = [limit for limit in self.constraints(0.0) if limit.metric != "below_bound"]
         level, settling = at_range(scenario, seeds[:1], controller)
         at_once = {"scale_factor_error": abs(1e6 * (level / RANGE - 1)), "settling_time": settling}
         if all(limit.of(at_once[limit.metric]) <= MAX_LIMIT_RATIO * (limit.at_most or 0.0) for limit in limits):
             return self._measured(scenario, seeds, controller, SETTLING)
         nothing = {objective.metric: np.full(len(seeds), np.nan) for objective in self.objectives}
-        return Measured({**nothing, **at_once}, np.isnan(np.repeat(level, len(seeds))))
+        unknown = {"below_bound": np.zeros(len(seeds))}
+        return Measured({**nothing, **unknown, **at_once}, np.isnan(np.repeat(level, len(seeds))))
 
     def figures(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> dict[str, Values]:
         def at(rate: float, changes: Mapping[str, Any] | None = None) -> Values:

@@ -369,7 +369,7 @@ def filtered(name: str, **changes: Any) -> Contender:
         name=f"{name}_kalman",
         words=f"{law.words} on a Kalman filter of the nominal plant",
         source=f"{law.source}; docs/decisions/0048",
-        fixed=law.fixed | {"controller.filter": "kalman"},
+        fixed={**law.fixed, "controller.filter": "kalman"},
         gains=(*gains, FILTER),
         observer=None,
         without_noise=False,

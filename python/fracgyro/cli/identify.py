@@ -6,7 +6,7 @@ import json
 import math
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -43,6 +43,13 @@ def _uncertain(text: str, name: str) -> tuple[float, float]:
 @click.option(
     "--assume", multiple=True, metavar="NAME=X[+-Y]", help="Set a quantity that is known, as in dxy=0. Repeatable."
 )
+@click.option(
+    "--axes",
+    type=click.Choice(["pickoffs", "principal"]),
+    default="pickoffs",
+    help="Select the axes of the scenario: of the pick-offs, with kxy; or the principal axes of the stiffness, with "
+    "device.pickoff_misalignment.  [default: pickoffs]",
+)
 @click.option("--rate", metavar="RATE", help="Set the rate at which the device was turned, as in '0' or '300 deg/s'.")
 @click.option("--sampling", type=float, metavar="HZ", help="Set the sampling rate. Required without a column of times.")
 @click.option("--from", "begin", type=float, metavar="S", help="Start here, s from the first sample.")
@@ -58,6 +65,7 @@ def identify_command(
     pickoff: str | None,
     pickoff_ratio: str | None,
     assume: tuple[str, ...],
+    axes: Literal["pickoffs", "principal"],
     rate: str | None,
     sampling: float | None,
     begin: float | None,
@@ -68,9 +76,10 @@ def identify_command(
 ) -> None:
     """Identify a device from RECORD, files of decays, forced records and sweeps, or a bench.toml that lists them."""
     with needs("identify"):
-        from ..identification.bench import amount, read_bench
+        from ..identification.bench import read_bench
         from ..identification.entry import identify
         from ..identification.records import Decay, Sweep
+        from ..scenario.amounts import amount
 
     columns = {name: each for name, each in (("x", x_column), ("y", y_column)) if each is not None}
     turned = None if rate is None else amount("--rate", rate, "rad/s")
@@ -96,7 +105,7 @@ def identify_command(
     found = identify(given, **known)
     for where in (out, report):
         if where is not None:
-            found.save(where)
+            found.save(where, axes)
     if as_json:
         click.echo(json.dumps(found.plain(), ensure_ascii=False, allow_nan=False))
         return

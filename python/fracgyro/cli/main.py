@@ -24,6 +24,7 @@ INTERRUPTED = 130
 COMMANDS = {
     "allan": ("rate:allan_command", "Find the noise terms in a record of a gyroscope at rest."),
     "check": ("inspect:check", "Check a scenario without running it."),
+    "device": ("sheet:device_command", "Make a scenario from a data sheet."),
     "diff": ("inspect:diff", "Print the fields in which two scenarios differ."),
     "explain": ("inspect:explain", "Explain a field, a metric or a channel."),
     "export": ("export:export", "Export to firmware, FMU, FPGA, MATLAB or WebAssembly."),
@@ -32,7 +33,7 @@ COMMANDS = {
     "rate": ("rate:rate", "Measure a scenario as a rate sensor."),
     "replay": ("export:replay", "Run a recorded motion on a target and compare bits."),
     "scenario": ("simulate:scenario_command", "Print a scenario, to edit and run."),
-    "schema": ("editors:schema_command", "Print the JSON Schema of a scenario or of a study."),
+    "schema": ("editors:schema_command", "Print the JSON Schema of a file."),
     "selfcheck": ("selfcheck:selfcheck", "Recompute the published parity hashes."),
     "simulate": ("simulate:simulate_command", "Simulate a scenario and print its metrics."),
     "sweep": ("study:sweep", "Run every scenario of a study."),

@@ -26,6 +26,20 @@ def controller_option(text: str = "Use your own controller instead of the scenar
     return click.option("--controller", metavar="FILE.py:NAME", help=text)
 
 
+def jobs_option(**settings: Any) -> Decorator:
+    """The option --jobs, which holds until the command ends; a command that takes `jobs` gets it, too."""
+    text = "Use N processors.  [default: all]"
+    return click.option("--jobs", type=int, metavar="N", callback=_at_most, help=text, **settings)
+
+
+def _at_most(context: click.Context, _: click.Parameter, jobs: int | None) -> int | None:
+    if jobs is not None:
+        from ..simulation.many import at_most
+
+        context.with_resource(at_most(jobs))
+    return jobs
+
+
 def own_controller(given: str | None) -> ControllerLike | None:
     """The controller of --controller; None without the option. Raises ScenarioError if it is not a controller."""
     if given is None:

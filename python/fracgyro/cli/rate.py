@@ -15,7 +15,7 @@ from ..extras import needs
 from ..scenario.messages import did_you_mean
 from ..scenario.named import named
 from .arrays import plain_arrays
-from .options import controller_option, own_controller, scenario_argument
+from .options import controller_option, jobs_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
 @scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @controller_option("Use your own controller instead of the scenario's; it must report rate_estimate.")
+@jobs_option(expose_value=False)
 @click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: a third of the time, wider intervals.")
 @click.option(
     "--rest",

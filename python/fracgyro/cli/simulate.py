@@ -24,7 +24,7 @@ from ..simulation.user_plant import PlantLike, UserPlant
 from .arrays import plain_arrays
 from .completion import changes, scenarios
 from .figures import Cell, followed, left_out, of_one, of_seeds, plain, reported, rows, shown
-from .options import controller_option, own_controller, own_plant, scenario_argument
+from .options import controller_option, jobs_option, own_controller, own_plant, scenario_argument
 from .terminal import print_table, progress
 
 MAX_SEEDS = 10**6
@@ -44,6 +44,7 @@ BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that ar
 @controller_option()
 @click.option("--plant", metavar="FILE.py:NAME", help="Use your own plant instead of the scenario's.")
 @click.option("--seeds", type=int, metavar="N", help="Run N noise seeds, and print means with 95 % intervals.")
+@jobs_option(expose_value=False)
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run: .nc, .csv, .parquet, .mat."
 )

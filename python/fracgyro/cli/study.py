@@ -11,17 +11,15 @@ import click
 
 from ..extras import needs
 from ..scenario.table import toml_value
-from ..simulation.many import at_most
 from ..simulation.user_controller import controller_words
 from .completion import toml_files
-from .options import controller_option, own_controller
+from .options import controller_option, jobs_option, own_controller
 from .terminal import print_table, progress
 
 if TYPE_CHECKING:
     from ..study.preview import Preview
 
 out_option = click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
-jobs_option = click.option("--jobs", type=int, metavar="N", help="Use N processors.  [default: all]")
 dry_run_option = click.option(
     "--dry-run", is_flag=True, help="Print the number of runs and an estimate of the time, and run nothing."
 )
@@ -50,7 +48,7 @@ def _print_preview(found: Preview, points: str, as_json: bool) -> None:
 @click.argument("study", type=click.Path(path_type=Path), shell_complete=toml_files)
 @out_option
 @controller_option()
-@jobs_option
+@jobs_option()
 @dry_run_option
 @click.option("--resume", is_flag=True, help="Finish the study that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
@@ -72,8 +70,7 @@ def sweep(
     if dry_run:
         with needs("study"):
             from ..study.sweep.run import preview
-        with at_most(jobs):
-            return _print_preview(preview(study, controller=own), "points", as_json)
+        return _print_preview(preview(study, controller=own), "points", as_json)
     with progress("simulating", rate="runs/s") as show:
         result = run_all(
             study, _folder(out), controller=own, resume=resume, scheduler=scheduler, jobs=jobs, progress=show
@@ -96,7 +93,7 @@ def sweep(
 @click.argument("study", type=click.Path(path_type=Path), shell_complete=toml_files)
 @out_option
 @controller_option()
-@jobs_option
+@jobs_option()
 @dry_run_option
 @click.option("--resume", is_flag=True, help="Continue the study that DIR holds, up to its number of trials.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
@@ -116,8 +113,7 @@ def tune(
     if dry_run:
         with needs("study"):
             from ..study.tune.run import preview
-        with at_most(jobs):
-            return _print_preview(preview(study, controller=own), "trials", as_json)
+        return _print_preview(preview(study, controller=own), "trials", as_json)
     with progress("starting") as show:
         result = run_all(study, _folder(out), controller=own, resume=resume, jobs=jobs, progress=show)
     if as_json:

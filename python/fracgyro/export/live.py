@@ -34,6 +34,10 @@ OF_LAWS = ("controller", "adaptation", "datasheet")  # tables that belong to a c
 
 SPEEDS = {"minimum": 0.1, "maximum": 40.0}  # ms a second
 FASTEST = 40_000  # steps a second, as with the maximum of the paper's device
+# In steps, as with the paper's device: the times that the plots can show, the bins that they show, and the usual speed.
+SHOWN = (2_000, 5_000, 20_000, 80_000)
+BIN = 10
+SPEED = 7_000
 
 # The page changes the rate, so estimators must not assume that it is constant.
 FOLLOWING = {"adaptation.rate_forgetting": 0.5}
@@ -70,6 +74,12 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
+# Shipped scenarios with presets on the page, and controllers of each in addition to the kinds.
+GYROSCOPES: dict[str, dict[str, tuple[str, dict[str, Any]]]] = {
+    "dual_mass": {"gradient": ("the paper's adaptation laws", {"adaptation.kind": "gradient"})}
+}
+
+
 def live(scenario: Scenario, path: str | os.PathLike[str], *, name: str = "my.toml") -> None:
     """Writes the live page of a scenario, one HTML file: its run, and any other kind of controller.
 
@@ -87,24 +97,32 @@ def live(scenario: Scenario, path: str | os.PathLike[str], *, name: str = "my.to
         scratch.write_text(page(data, wasm), encoding="utf-8", newline="\n")
 
 
-def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
-    """Data of the page of one scenario. Settings that would need other fields of its file are hidden."""
+def scenario_data(
+    scenario: Scenario, name: str, more: dict[str, tuple[str, dict[str, Any]]] | None = None
+) -> dict[str, Any]:
+    """Data of the page of one scenario. Settings that would need other fields of its file are hidden.
+
+    `more`: controllers in addition to the other kinds, each with a label and changes of the scenario.
+    """
     base = document(scenario)
     kind = scenario.controller.kind
-    found = {OWN_LAW: (f"the scenario's: {kind.replace('_', ' ')}", scenario)}
+    found: dict[str, tuple[str, dict[str, Any]]] = {OWN_LAW: (f"the scenario's: {kind.replace('_', ' ')}", {})}
     for other, meaning in zip(KINDS, MEANINGS, strict=True):
-        if other != kind and (changed := _with_kind(scenario, other)):
-            found[other] = (f"{other.replace('_', ' ')}: {meaning}", changed)
+        if other != kind and (changes := _changes_to_kind(scenario, other)):
+            found[other] = (f"{other.replace('_', ' ')}: {meaning}", changes)
+    found |= more or {}
+    laws = {key: (label, scenario.replace(changes), changes) for key, (label, changes) in found.items()}
+    step = scenario.run.step
     unit = 1e3 * scenario.plant.scales.time  # the unit of time, ms
-    maximum = FASTEST * scenario.run.step * unit
+    maximum = FASTEST * step * unit
     speeds = {"minimum": min(0.1 * unit, maximum / 400), "maximum": maximum}
-    speed = min(10.0 * unit, maximum / 20)
+    windows = [float(f"{steps * step:.6g}") for steps in SHOWN]
     sentence = (
         f"The run of {name} (A); B can be another kind of controller, with its usual gains. The kinds of reference, "
         "disturbance, rate and sensors are those of the scenario and cannot be changed here."
     )
     preset: dict[str, Any] = {"key": "scenario", "title": name, "sentence": sentence, "a": OWN_LAW}
-    preset |= {"speed": float(f"{speed:.3g}"), "window": 20 if speed <= 2 * unit else 80}
+    preset |= {"speed": float(f"{SPEED * step * unit:.3g}"), "window": windows[2]}
     shared = {key: value for key, value in base["settings"].items() if key.partition(".")[0] not in OF_LAWS}
     rest = {key: base[key] for key in ("assumed", "reference", "disturbance") if key in base}
     return {
@@ -112,8 +130,13 @@ def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
         "besides": [*BESIDES, "controller.kind"],
         "base": {"settings": shared, "scales": base["scales"], "length": 1e6 * scenario.plant.scales.length, **rest},
         "laws": {
-            key: {"label": label, "settings": _settings(each, OF_LAWS), "toml": scenario_text(each, texts=False)}
-            for key, (label, each) in found.items()
+            key: {
+                "label": label,
+                "settings": _settings(each, OF_LAWS),
+                "toml": scenario_text(each, texts=False),
+                "changes": changes,
+            }
+            for key, (label, each, changes) in laws.items()
         },
         "rates": {"constant": {"label": "", "scenario": {}}},
         "sensors": {"exact": {"label": "", "scenario": {}, "settings": {}}},
@@ -122,18 +145,23 @@ def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
         "own": {"name": name, "law": OWN_LAW, "density": scenario.disturbance.density is not None},
         "presets": [preset],
         "speeds": speeds,
+        "windows": windows,
+        "bin": BIN * step,
+        "degrees": True,
     }
 
 
-def _with_kind(scenario: Scenario, kind: str) -> Scenario | None:
-    """The scenario with another kind of controller, with its filter if the kind takes one.
+def _changes_to_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
+    """Changes of the scenario for another kind of controller, with its filter if the kind takes one.
 
-    None if the kind cannot follow the reference.
+    Empty if the kind cannot follow the reference.
     """
-    for filtered in (scenario.controller.filter, "none"):
+    to_kind = {"controller.kind": kind}
+    for changes in (to_kind, {**to_kind, "controller.filter": "none"}):
         with suppress(ScenarioError):
-            return scenario.replace({"controller.kind": kind, "controller.filter": filtered})
-    return None
+            scenario.replace(changes)
+            return changes
+    return {}
 
 
 def _hidden(scenario: Scenario) -> list[str]:
@@ -193,8 +221,19 @@ def page_data() -> dict[str, Any]:
         "devices": devices,
         "hidden": [],
         "speeds": SPEEDS,
+        "windows": [1e-3 * steps for steps in SHOWN],
+        "bin": 1e-3 * BIN,
+        "degrees": False,
+        "gyroscopes": {name: _gyroscope(name, more) for name, more in GYROSCOPES.items()},
         "defaults": {"command": defaults(Scenario.paper()), "toml": defaults(Scenario())},
     }
+
+
+def _gyroscope(name: str, more: dict[str, tuple[str, dict[str, Any]]]) -> dict[str, Any]:
+    """Data of a shipped scenario that replace those of the paper's device in its presets."""
+    shared = {*module_data(), "besides", "presets"}
+    data = scenario_data(Scenario.shipped(name), name, more)
+    return {key: value for key, value in data.items() if key not in shared}
 
 
 def write_page(folder: Path, wasm: Path) -> None:
@@ -208,8 +247,9 @@ def page(data: dict[str, Any], wasm: Path) -> str:
     source = FACE / "live"
     contents = {
         "live.css": (source / "live.css").read_text(encoding="utf-8"),
-        "live.mjs": bundled(source / "live.mjs"),
-        "worker.mjs": bundled(source / "worker.mjs"),
+        "boot.js": (source / "boot.js").read_text(encoding="utf-8"),
+        "live": packed(bundled(source / "live.mjs").encode()),
+        "worker": packed(bundled(source / "worker.mjs").encode()),
         "data": packed(json.dumps(data, allow_nan=False).encode()),
         "module": packed(wasm.read_bytes()),
     }

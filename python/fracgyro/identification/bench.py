@@ -8,28 +8,14 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..arguments import number, short
+from ..arguments import short
+from ..scenario.amounts import amount
 from ..scenario.messages import did_you_mean
 from ..scenario.toml import read_tables, read_text
-from ..scenario.units import UnitError, parse, quantity
 from .records import Decay, Sweep
 
 KNOWN = {"mass": "kg", "pickoff": "m", "pickoff_ratio": "1", "assume": ""}
 STATES = {"rate": "rad/s", "temperature": "K"}
-
-
-def amount(name: str, value: object, unit: str) -> float:
-    """A number, or text with a unit such as "300 deg/s", in the SI unit `unit`. Raises ValueError or TypeError."""
-    if isinstance(value, str):
-        try:
-            return number(name, float(value))
-        except ValueError:
-            pass
-        try:
-            return float(quantity(value, parse(unit), unit))
-        except (UnitError, ValueError) as error:
-            raise ValueError(f"{name} is {short(value)}: {error}") from None
-    return number(name, value)
 
 
 def read_bench(path: str | os.PathLike[str]) -> tuple[list[Decay | Sweep], dict[str, Any]]:

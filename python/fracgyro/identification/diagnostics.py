@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 
 LAGS = 20
 REJECTED = 0.01
+NEAR = 12  # bins on each side of a line that show its pole
+PASSES = 4
+STEADY = 0.5  # decay times the length of a record, below which a line is steady
 LARGE = 12.0  # power of a bin over the mean: for white noise one in exp(12)
 
 
@@ -53,6 +56,16 @@ def whiteness(residuals: Complex) -> float:
     return float(chdtrc(2 * lags, statistic))
 
 
+def largest_bin(residuals: Complex) -> float:
+    """Limit of the probability of a bin as large as the largest in white noise, whose power the other bins show."""
+    power = np.abs(residuals) ** 2
+    at = int(np.argmax(power))
+    others = np.delete(power, slice(max(at - 3, 0), at + 4))
+    if len(others) == 0 or not others.sum() > 0:
+        return 1.0
+    return float(min(len(power) * (1 + power[at] / others.sum()) ** -float(len(others)), 1.0))
+
+
 def tests(fit: Fit, spectra: Sequence[Spectrum], segments: Sequence[Segment]) -> list[Test]:
     """Whiteness of each channel of each record, after Bonferroni, and the largest line that the model leaves."""
     found = []
@@ -65,12 +78,21 @@ def tests(fit: Fit, spectra: Sequence[Spectrum], segments: Sequence[Segment]) ->
                 words = f"{where}: a converter of step {step:.3g} leaves rounding, which is not white"
                 found.append(Test("whiteness", "skipped", words))
                 continue
-            p = whiteness(part[:, i])
+            # A line that fills one bin leaves no correlation: the largest bin is a test of its own.
+            p = min(2 * min(whiteness(part[:, i]), largest_bin(part[:, i])), 1.0)
             failed = p < REJECTED / channels
             words = f"{where}: the residual is white (p = {p:.2g})"
             if failed:
                 words = f"{where}: the residual is not white (p = {p:.1g})" + _largest(part[:, i], one)
             found.append(Test("whiteness", "fail" if failed else "pass", words, p))
+    noise = fit.thermal
+    if noise.is_thermal:
+        sizes = [f"{axis}: {each:.2g}" for axis, each in zip(segments[0].axes, noise.thermal, strict=True)]
+        words = (
+            f"{segments[0].name}: thermal motion is seen (p = {noise.p:.1g}; density of its force, {', '.join(sizes)}):"
+            " the fit weighs the bins of the modes accordingly"
+        )
+        found.append(Test("thermal", "pass", words, noise.p))
     return found
 
 
@@ -81,11 +103,29 @@ def _largest(residuals: Complex, one: Spectrum) -> str:
     mean = float(np.delete(power, slice(max(at - 3, 0), at + 4)).mean())
     if power[at] < LARGE * mean:
         return ": the device is not linear with two modes there, or its state changes; intervals may be too small"
-    near = np.flatnonzero(power > power[at] / 2)
-    near = near[np.abs(near - at) < 200]
-    resolution = (one.frequency[1] - one.frequency[0]) / (2 * np.pi)
-    width, hertz = max(len(near), 1) * resolution, one.frequency[at] / (2 * np.pi)
+    pole = _pole(residuals[max(at - NEAR, 0) : at + NEAR + 1], one.frequency[max(at - NEAR, 0) : at + NEAR + 1])
+    hertz, size = pole.real / (2 * np.pi), np.sqrt(power[at])
+    length = one.samples * one.interval
+    if pole.imag * length < STEADY:
+        return (
+            f": a line at {hertz:.7g} Hz does not decay, {size:.2g} times the noise: is the drive still on? give its "
+            "column as force_x, or begin later; intervals may be too small"
+        )
     return (
-        f": a line at {hertz:.7g} Hz is left, {width:.2g} Hz wide, {np.sqrt(power[at]):.2g} times the noise: a further "
-        "mode, or a disturbance; intervals may be too small"
+        f": a line at {hertz:.7g} Hz is left, {size:.2g} times the noise: a further mode with a quality factor near "
+        f"{pole.real / (2 * pole.imag):.2g}; intervals may be too small"
     )
+
+
+def _pole(residuals: Complex, frequency: Array) -> complex:
+    """The pole c/(w - pole) of a line, rad/s: its imaginary part is the decay. By least squares, weighted as in
+    start.py."""
+    middle, span = float(frequency.mean()), float(np.ptp(frequency))
+    w = (frequency - middle) / span
+    pole = complex(w[int(np.argmax(np.abs(residuals)))])
+    for _ in range(PASSES):
+        weight = 1 / np.maximum(np.abs(w - pole), 0.5 / len(w))
+        columns = np.stack([residuals, np.ones(len(w)), w], axis=1) * weight[:, None]
+        found = np.linalg.lstsq(columns, residuals * w * weight, rcond=None)[0]
+        pole = complex(found[0])
+    return middle + span * (pole.real + 1j * abs(pole.imag))

@@ -16,12 +16,14 @@ from .diagnostics import Test, tests
 from .faults import check_motion, prepared
 from .first_stage import Fitted, fit_segments
 from .found import Found
+from .json_schema import schema
 from .quantity import NORMAL, Quantity, modal
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
 from .results import Condition
 from .second_stage import Known, fit_device
 from .structure import Group
 from .sweep import SweepFit, fit_sweep, sweep_tests
+from .thermal import gain_of_pickoff
 from .trends import Trend, line
 
 Result = Found  # the class below has the same name among its own
@@ -55,6 +57,7 @@ class Identify:
     Sweep = Sweep
     Quantity = Quantity
     Found = Found
+    schema = staticmethod(schema)
 
     def __call__(
         self,
@@ -175,6 +178,7 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
     else:
         notes.append("only one pick-off was recorded: coupling, rate and the other axis are not known")
         found |= _one_axis(first, known)
+    found |= _delay(fits) | _thermal_gain(state, fits, known)
     swept = next((fit for _, fit in fits if isinstance(fit, SweepFit)), None)
     if swept is not None:
         size, deviation = float(abs(swept.feedthrough[0, 0])), float(swept.feedthrough_deviation[0, 0])
@@ -183,6 +187,32 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
             "feedthrough", size, (size - NORMAL * deviation, size + NORMAL * deviation), words, relative=True
         )
     return Condition(state, tuple(fits), device, found)
+
+
+def _delay(fits: list[tuple[State, Fitted | SweepFit]]) -> dict[str, Quantity]:
+    """The delay of the force of the first forced record."""
+    for _, fit in fits:
+        if isinstance(fit, Fitted) and fit.delay is not None:
+            value, half = fit.delay.seconds, NORMAL * fit.delay.deviation * fit.delay.interval
+            words = f"{fit.delay.samples + fit.delay.fraction:.4g} samples"
+            return {"delay": Quantity("delay", value, (value - half, value + half), "s", note=words)}
+    return {}
+
+
+def _thermal_gain(state: State, fits: list[tuple[State, Fitted | SweepFit]], known: Known) -> dict[str, Quantity]:
+    """The gain of the x pick-off from thermal motion, if mass and temperature are known."""
+    if known.mass is None or state.temperature is None:
+        return {}
+    name = "thermal_pickoff"
+    for _, fit in fits:
+        if isinstance(fit, Fitted) and fit.segments[0].axes[0] == "x":
+            damping = float(fit.fit.parameters[fit.shape.axes**2])
+            gain = gain_of_pickoff(fit.fit.thermal, damping, fit.unit, known.mass, state.temperature)
+            if gain is not None:
+                unit = f"m/{fit.segments[0].units[0]}" if fit.segments[0].units[0] else "m"
+                note = "if nothing but its temperature moves the device"
+                return {name: Quantity(name, gain[0], gain[1], unit, note=note)}
+    return {}
 
 
 def _group(state: State, fit: Fitted | SweepFit, unit: float) -> Group:

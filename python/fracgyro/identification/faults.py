@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from .outliers import without_outliers
 from .records import Segment, check_length, part
 from .spectra import VISIBLE, visible
 
@@ -42,6 +43,8 @@ def prepared(segment: Segment) -> tuple[Segment, list[str]]:
         segment, more = _after_drive(segment)
         notes += more
     check_length(segment)
+    segment, more = without_outliers(segment)
+    notes += more
     for axis, row, step in zip(segment.axes, segment.motion, steps, strict=True):
         if step and np.abs(row - row.mean()).max() < COARSE_STEPS * step and _floor(row) < COARSE_NOISE * step:
             notes.append(

@@ -10,17 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .forced import MAX_DELAY, Delay, delayed, fractional, spectrum_of
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
 from .records import Segment, part
-from .spectra import Spectrum, band, clearest, first_band, spectrum
+from .spectra import Spectrum, band, clearest, first_band, visible
 from .start import linear_start
+from .thermal import only_white, weights
 
 Array = NDArray[np.float64]
 
 FRACTIONS = (1.0, 0.25, 1 / 16)  # beginnings of each record from which a start is computed
 POLISH = 6  # steps before the starts are compared
 MIN_START_BINS = 10
+MAX_START_BINS = 1200  # limit for a record: in a long one the first band has many without a mode
 BANDS = 4  # fits, each in the band around the modes of the one before
 ROUGH = 4.0  # times the beginning in which the slowest mode is the clearest
 LONGEST = 14.0  # times the longest time constant: later samples have only noise
@@ -28,13 +31,14 @@ LONGEST = 14.0  # times the longest time constant: later samples have only noise
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit, its model, its unit of time (omega0, rad/s), and the spectra and segments it is of."""
+    """A fit, its model, its unit of time (omega0, rad/s), the spectra and segments it is of; `delay`: of the force."""
 
     fit: Fit
     shape: Shape
     unit: float
     spectra: tuple[Spectrum, ...]
     segments: tuple[Segment, ...]
+    delay: Delay | None = None
 
     def plain(self) -> dict[str, Any]:
         """The fit as JSON."""
@@ -46,10 +50,14 @@ class Fitted:
             "parameters": self.fit.parameters.tolist(),
             "covariance": self.fit.covariance.tolist(),
             "noise": self.fit.noise.tolist(),
+            "thermal": self.fit.thermal.thermal.tolist(),
+            "thermal_deviation": self.fit.thermal.deviation.tolist(),
+            "thermal_p": self.fit.thermal.p,
             "chi_squared": self.fit.squares,
             "degrees_of_freedom": self.fit.freedom,
             "bins": sum(len(each.frequency) for each in self.spectra),
             "band_hz": [self.low, self.high],
+            **({} if self.delay is None else {"delay": self.delay.plain()}),
         }
 
     @property
@@ -72,34 +80,72 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     first = segments[0]
     drives = 0 if first.force is None else first.force.shape[0]
     shape = Shape(len(first.axes), drives)
-    bands = [first_band(each.motion, each.interval) for each in segments]
+    searches = [[visible(row) for row in each.motion] for each in segments]
+    bands = [first_band(each, one.interval) for each, one in zip(searches, segments, strict=True)]
     unit = unit or bands[0][2]
     low, high = min(each[0] for each in bands), max(each[1] for each in bands)
     # Until the decay is known, a record that is much longer than it is cut roughly.
-    rough = [_shortened(each, ROUGH * clearest(each.motion) * each.interval) for each in segments]
-    whole = [_spectrum(each) for each in rough]
-    noise = np.stack([_first_noise(each) for each in whole])
-    parameters = _start(shape, rough, whole, unit, (low, high), noise)
+    rough = [
+        _shortened(each, ROUGH * clearest(one) * each.interval) for each, one in zip(segments, searches, strict=True)
+    ]
+    steps = range(MAX_DELAY + 1) if drives else range(1)
+    tried = [_started(shape, rough, unit, (low, high), each) for each in steps]
+    # A delay by half a period more resembles a negative gain: each delay that is better than its neighbors is fitted.
+    sums = [math.inf, *(each[0] for each in tried), math.inf]
+    likely = [each for each in steps if sums[each + 1] <= min(sums[each], sums[each + 2])]
+    fits = [_followed(shape, segments, unit, (low, high), each, *tried[each][1:]) for each in likely]
+    return min(fits, key=_left)
+
+
+def _followed(
+    shape: Shape,
+    segments: Sequence[Segment],
+    unit: float,
+    edges: tuple[float, float],
+    delay: int,
+    parameters: Array,
+    noise: Array,
+) -> Fitted:
+    """The fit from this start and with this delay, in the band around its modes."""
+    low, high = edges
+    if shape.drives:
+        segments = [delayed(each, delay) for each in segments]
+    total = only_white(noise)
     for _ in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
         slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
         segments = [_shortened(each, slowest) for each in segments]
-        whole = [_spectrum(each) for each in segments]
+        whole = [spectrum_of(each) for each in segments]
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]
-        fit = maximize(shape, spectra, unit, parameters, noise)
-        parameters, noise = fit.parameters, fit.noise
+        fit = maximize(shape, spectra, unit, parameters, total)
+        parameters, total = fit.parameters, fit.thermal
         same = abs(new[0] - low) < 0.05 * (new[1] - new[0]) and abs(new[1] - high) < 0.05 * (new[1] - new[0])
         low, high = new
         if same:
             break
-    return Fitted(fit, shape, unit, tuple(spectra), tuple(segments))
+    found = None
+    if shape.drives:
+        fit, spectra, found = fractional(shape, spectra, unit, fit, delay, segments)
+    return Fitted(fit, shape, unit, tuple(spectra), tuple(segments), found)
 
 
-def _spectrum(segment: Segment) -> Spectrum:
-    return spectrum(segment.motion, segment.force, segment.interval)
+def _left(fitted: Fitted) -> float:
+    """Logarithm of what a fit leaves, summed over its channels."""
+    return sum(float(np.log(np.mean(np.abs(each) ** 2, axis=0)).sum()) for each in fitted.fit.left)
+
+
+def _started(
+    shape: Shape, segments: Sequence[Segment], unit: float, edges: tuple[float, float], delay: int
+) -> tuple[float, Array, Array]:
+    """Sum of squares, first values and first noise, for this delay of the force, in samples."""
+    if shape.drives:
+        segments = [delayed(each, delay) for each in segments]
+    whole = [spectrum_of(each) for each in segments]
+    noise = np.stack([_first_noise(each) for each in whole])
+    return *_start(shape, segments, whole, unit, edges, noise), noise
 
 
 def _shortened(segment: Segment, longest: float) -> Segment:
@@ -131,13 +177,17 @@ def _start(
     unit: float,
     edges: tuple[float, float],
     noise: Array,
-) -> Array:
-    """The best of the polished linear starts from the whole records and from their beginnings."""
-    within = [_wide_enough(each, *edges) for each in whole]
+) -> tuple[float, Array]:
+    """Sum of squares and parameters of the best polished linear start, from whole records and from their beginnings."""
+    within = [_wide_enough(each, *edges).thinned(MAX_START_BINS) for each in whole]
     found: list[tuple[float, Array]] = []
     for fraction in FRACTIONS if shape.drives == 0 else FRACTIONS[:1]:
         shorter = [part(each, 0, max(math.ceil(fraction * each.motion.shape[1]), 64)) for each in segments]
-        spectra = within if fraction == 1.0 else [_wide_enough(_spectrum(each), *edges) for each in shorter]
+        spectra = (
+            within
+            if fraction == 1.0
+            else [_wide_enough(spectrum_of(each), *edges).thinned(MAX_START_BINS) for each in shorter]
+        )
         if min(len(each.frequency) for each in spectra) < MIN_START_BINS:
             continue
         scaled = [
@@ -152,14 +202,14 @@ def _start(
             ]
         try:
             guess = _unscaled(shape, linear_start(shape, scaled, unit), ratio)
-            polished = search(shape, within, unit, guess, noise, POLISH)
+            polished = search(shape, within, unit, guess, weights(only_white(noise)), POLISH)
         except np.linalg.LinAlgError:
             continue
         if np.isfinite(polished.squares):
             found.append((polished.squares, polished.parameters))
     if not found:
         raise ValueError(f"{segments[0].name}: no mode was found: is it a decay of at least a few periods?")
-    return min(found, key=lambda each: each[0])[1]
+    return min(found, key=lambda each: each[0])
 
 
 def _unscaled(shape: Shape, parameters: Array, ratio: Array) -> Array:

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 MAX_POINTS = 1500  # points of a curve
 BLOCKS = 240  # blocks of an envelope
+JOINT_LEVEL = -2 * math.log(0.05)  # 95 % of chi^2 with two degrees of freedom
 SHOWN_DELTA = 12.0  # largest excess of the profile that is drawn
 GREY = "0.6"
 
@@ -42,7 +43,7 @@ def spectra_figures(fitted: Fitted) -> Iterator[tuple[str, str]]:
             noise = fitted.fit.noise[i]
             # In the scale of one.motion the noise of a bin is sqrt(2) times that of a sample.
             for k, (axis, panel) in enumerate(zip(segment.axes, panels, strict=True)):
-                left = fitted.fit.residuals[i][:, k] * noise[k]
+                left = fitted.fit.left[i][:, k]
                 measured = one.motion[:, k]
                 every = max(len(hertz) // MAX_POINTS, 1)
                 panel.semilogy(hertz, np.abs(measured), ".", color=COLORS[k % 2], markersize=2, label="record")
@@ -189,6 +190,39 @@ def profile_figure(device: Device) -> str:
         for panel in (above, below):
             plain(panel)
         return picture(figure, "Profile over the pick-off ratio")
+
+
+def ellipse_figure(device: Device) -> str:
+    """The joint 95 % region of pick-off ratio and coupling damping; dxy that D >= 0 forbids is shaded."""
+    unit, names, profile = device.problem.unit, device.problem.names, device.profile
+    values = dict(zip(names, device.solution.parameters, strict=True))
+    level = JOINT_LEVEL * profile.level / LEVEL
+    near = profile.curve[profile.curve[:, 2] <= 2 * level]
+    near = near[np.argsort(near[:, 0])]
+    ratio = np.linspace(near[0, 0], near[-1, 0], MAX_POINTS)
+    coupling, excess = (np.interp(ratio, near[:, 0], near[:, k]) for k in (1, 2))
+    inside = excess <= level
+    ratio, coupling, excess = ratio[inside], coupling[inside], excess[inside]
+    place = names.index("dxy")
+    spread = math.sqrt(max(float(profile.points[0].solution.covariance[place, place]), 0.0))  # at a known ratio
+    half = spread * np.sqrt(level - excess)
+    edge = unit * math.sqrt(max(values["dxx"] * values["dyy"], 0.0))
+    with own_style():
+        figure, panel = one_panel(70)
+        panel.fill_between(
+            ratio, unit * (coupling - half), unit * (coupling + half), color=COLORS[0], alpha=0.35, linewidth=0.8
+        )
+        panel.plot(ratio, unit * coupling, color=COLORS[0], linewidth=0.9)
+        if not profile.open:
+            panel.plot([math.exp(values["log_ratio"])], [unit * values["dxy"]], "o", color="black", markersize=4)
+        low, high = panel.get_ylim()
+        for forbidden in ((edge, max(high, edge)), (min(low, -edge), -edge)):
+            panel.axhspan(*forbidden, color=GREY, alpha=0.3, linewidth=0)
+        panel.set_ylim(low, high)
+        panel.set_xlabel("pick-off ratio, y over x")
+        panel.set_ylabel("dxy/m (1/s)")
+        plain(panel)
+        return picture(figure, "Joint region of the pick-off ratio and the coupling damping")
 
 
 def axes_figure(device: Device) -> str:

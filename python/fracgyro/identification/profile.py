@@ -142,9 +142,9 @@ def intervals(
         value, low, high = function(best.parameters), math.inf, -math.inf
         for point in profile.points:
             here = function(point.solution.parameters)
-            half = _deviation(function, point.solution) * math.sqrt(max(profile.level - point.excess, 0.0))
+            half = deviation_of(function, point.solution) * math.sqrt(max(profile.level - point.excess, 0.0))
             low, high = min(low, here - half), max(high, here + half)
-        deviation = _deviation(function, best) * math.sqrt(profile.level / LEVEL)
+        deviation = deviation_of(function, best) * math.sqrt(profile.level / LEVEL)
         width = high - low
         loose = profile.open and width > LOOSE * deviation and width > abs(value) / 2
         finite = all(map(math.isfinite, (value, low, high)))
@@ -152,7 +152,7 @@ def intervals(
     return found
 
 
-def _deviation(function: Callable[[Array], float], solution: Solution) -> float:
+def deviation_of(function: Callable[[Array], float], solution: Solution) -> float:
     """Standard deviation of a function of the parameters, to first order."""
     sd = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
     gradient = np.zeros(len(sd))

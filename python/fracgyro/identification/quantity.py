@@ -45,6 +45,7 @@ MEANINGS = {
     "quality_2": "quality factor of the upper mode",
     "feedthrough": "direct coupling of drive and pick-off at the resonance",
     "delay": "delay of the force",
+    "thermal_pickoff": "motion per unit of the x pick-off, from its thermal motion",
     "backbone": "shift of the frequency over the square of the amplitude",
 }
 

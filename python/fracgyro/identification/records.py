@@ -102,7 +102,7 @@ class Segment:
     """A part of a record without gaps. `motion`: (axes, samples); `force`: (drives, samples), or None.
 
     `axes`: the pick-offs of the rows; `begin`: s from the first sample of the record; `step`: of the converter of each
-    pick-off, 0 without one; `units`: of each pick-off.
+    pick-off, 0 without one; `units`: of each pick-off; `before`: the force one sample earlier.
     """
 
     name: str
@@ -116,6 +116,7 @@ class Segment:
     begin: float = 0.0
     step: tuple[float, ...] = ()
     digest: str = ""
+    before: Array | None = None
 
     @property
     def length(self) -> float:
@@ -181,6 +182,7 @@ def part(segment: Segment, begin: int, end: int | None = None) -> Segment:
     values = {each.name: getattr(segment, each.name) for each in fields(segment)}
     values["motion"] = segment.motion[:, begin:end]
     values["force"] = None if segment.force is None else segment.force[:, begin:end]
+    values["before"] = None if segment.before is None else segment.before[:, begin:end]
     values["begin"] = segment.begin + begin * segment.interval
     return Segment(**values)
 

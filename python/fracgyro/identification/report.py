@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from ..analysis.html import page
 from . import plots
+from .advice import Advice
 from .first_stage import Fitted
+from .prediction import Prediction
 from .quantity import Quantity
 from .results import Results
 from .sweep import SweepFit
+from .to_scenario import correction
 
 MAX_FIGURES = 6  # spectra; further records are only in the numbers
 
 
-def write_report(path: Path, found: Results, scenario: str) -> None:
+def write_report(
+    path: Path, found: Results, scenario: str, advice: Sequence[Advice], prediction: Prediction | None
+) -> None:
     """Writes the report of `found` to `path`; `scenario`: its TOML."""
     first = found.conditions[0]
     timed = [fit for _, fit in first.fits if isinstance(fit, Fitted)]
@@ -36,24 +42,58 @@ def write_report(path: Path, found: Results, scenario: str) -> None:
         circles=[(plots.circle_figure(fit), plots.response_figure(fit), fit.response.name) for fit in swept],
         whiteness=plots.whiteness_figure([fit for _, fit in first.fits]),
         profile=plots.profile_figure(first.device) if first.device else None,
+        ellipse=plots.ellipse_figure(first.device) if first.device else None,
         axes=plots.axes_figure(first.device) if first.device else None,
         trends=[(each, plots.trend_figure(each)) for each in found.trends],
         rows=[row_of(each) for each in found.values()],
         scale_factor=scale_factor(found),
+        prediction=prediction,
+        matrix=correction(found),
+        advice=advice_table(found, advice),
         scenario=scenario,
     )
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def scale_factor(found: Results) -> tuple[str, str] | None:
-    """Scale factor error of a joint filter, ppm, and its 95 % limit after a correction by the identified ratio.
+def scale_factor(found: Results) -> str | None:
+    """Scale factor error, ppm, of a joint filter that is not corrected for the pick-off ratio.
 
     The filter attributes half of a mismatch of the pick-offs to the rate (docs/rate_sensor.md).
     """
     ratio = found.get("pickoff_ratio")
     if ratio is None or not ratio.determined:
         return None
-    return f"{-5e5 * (ratio.value - 1):.4g}", f"{5e5 * ratio.half:.2g}"
+    return f"{-5e5 * (ratio.value - 1):.4g}"
+
+
+def advice_table(
+    found: Results, advice: Sequence[Advice]
+) -> tuple[list[str], list[tuple[str, list[tuple[str, bool]]]], list[str]] | None:
+    """Quantities; for each further record its words, and for each quantity the factor of its interval and whether that
+    is halved; and sentences about what halves what."""
+    if not advice:
+        return None
+    names = list(dict.fromkeys(name for each in advice for name in each.halves))
+    rows = []
+    for each in advice:
+        cells = [(_factor(*each.halves.get(name, (math.nan, math.nan))), name in each.halved) for name in names]
+        rows.append((each.words, cells))
+    return names, rows, [_sentence(name, found, advice) for name in names if _sentence(name, found, advice)]
+
+
+def _factor(now: float, then: float) -> str:
+    if not math.isfinite(then):
+        return "" if math.isnan(then) else "not determined"
+    return f"{then / now:.2f}" if math.isfinite(now) else "becomes known"
+
+
+def _sentence(name: str, found: Results, advice: Sequence[Advice]) -> str:
+    """The cheapest record that makes a quantity known; an empty text if it is known, or if none does."""
+    quantity = found.get(name)
+    if quantity is not None and quantity.determined:
+        return ""
+    best = next((each for each in advice if name in each.halved), None)
+    return "" if best is None else f"{name}: {best.words}, ± {best.halves[name][1]:.2g}"
 
 
 def row_of(quantity: Quantity) -> dict[str, str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +26,40 @@ MIN_BEGINNING = 64  # samples
 @dataclass(frozen=True)
 class Spectrum:
     """Bins of a record's discrete Fourier transform, scaled so that real and imaginary part of white noise have the
-    variance of a sample. `frequency`, rad/s; `motion`, (bins, axes); `force`, (bins, drives)."""
+    variance of a sample. `frequency`, rad/s; `motion`, (bins, axes); `force`, (bins, drives); `before`: the force one
+    sample earlier, which still acts during the `fraction` of each interval."""
 
     frequency: Array
     motion: Complex
     force: Complex
     interval: float
     samples: int
+    before: Complex | None = None
+    fraction: float = 0.0
+
+    def only(self, kept: NDArray[Any]) -> Spectrum:
+        """These bins, by mask or by number."""
+        before = None if self.before is None else self.before[kept]
+        return replace(
+            self, frequency=self.frequency[kept], motion=self.motion[kept], force=self.force[kept], before=before
+        )
 
     def between(self, low: float, high: float) -> Spectrum:
         """The bins from `low` to `high`, rad/s."""
-        kept = (self.frequency >= low) & (self.frequency <= high)
-        return Spectrum(self.frequency[kept], self.motion[kept], self.force[kept], self.interval, self.samples)
+        return self.only((self.frequency >= low) & (self.frequency <= high))
+
+    def thinned(self, bins: int) -> Spectrum:
+        """At most `bins` bins: half of them the strongest, the others evenly spread. Each bin obeys the model."""
+        count = len(self.frequency)
+        if count <= bins:
+            return self
+        power = np.abs(self.motion) ** 2
+        strongest = np.argsort((power / power.max(axis=0)).max(axis=1), kind="stable")[count - bins // 2 :]
+        kept = np.union1d(strongest, np.linspace(0, count - 1, bins - bins // 2).astype(int))
+        return self.only(kept)
 
 
-def spectrum(motion: Array, force: Array | None, interval: float) -> Spectrum:
+def spectrum(motion: Array, force: Array | None, interval: float, before: Array | None = None) -> Spectrum:
     """All bins between zero and half the sampling rate, both left out. `motion`: (axes, samples)."""
     samples = motion.shape[1]
     last = (samples - 1) // 2
@@ -49,7 +70,8 @@ def spectrum(motion: Array, force: Array | None, interval: float) -> Spectrum:
 
     driven = np.zeros((last, 0), dtype=complex) if force is None else transform(force)
     frequency = 2 * np.pi / (samples * interval) * np.arange(1, last + 1)
-    return Spectrum(frequency, transform(motion), driven, interval, samples)
+    earlier = None if before is None else transform(before)
+    return Spectrum(frequency, transform(motion), driven, interval, samples, earlier)
 
 
 @dataclass(frozen=True)
@@ -88,14 +110,13 @@ def visible(row: Array) -> Search:
     return best
 
 
-def clearest(motion: Array) -> int:
+def clearest(searches: Sequence[Search]) -> int:
     """Samples of the longest of the beginnings in which the channels are the clearest."""
-    return max(visible(row).samples for row in motion)
+    return max(each.samples for each in searches)
 
 
-def first_band(motion: Array, interval: float) -> tuple[float, float, float]:
+def first_band(searches: Sequence[Search], interval: float) -> tuple[float, float, float]:
     """Band in which modes are visible and its largest line, rad/s: low, high, line."""
-    searches = [visible(row) for row in motion]
     strongest = max(range(len(searches)), key=lambda i: float(searches[i].power.max()))
     line = float(searches[strongest].cycles[searches[strongest].peak])
     low, high, margin = line, line, 0.0

@@ -26,6 +26,14 @@ def stacked(values: NDArray[Any]) -> Array:
     return np.asarray(np.concatenate([values.real, values.imag]))
 
 
+def least_squares(matrix: Array, target: Array) -> Array:
+    """The least-squares solution, by QR of the tall matrix with its columns scaled, then SVD of the small triangle."""
+    norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
+    upper: Array = np.asarray(np.linalg.qr(np.column_stack([matrix / norms, target]))[1])
+    count = matrix.shape[1]
+    return np.asarray(np.linalg.lstsq(upper[:count, :count], upper[:count, -1], rcond=None)[0] / norms)
+
+
 def linear_start(shape: Shape, spectra: Sequence[Spectrum], unit: float) -> Array:
     """Parameters in units of `unit`, omega0 in rad/s, from spectra whose noise is equal in all channels."""
     guess = np.zeros(shape.count)
@@ -59,9 +67,7 @@ def _one_pass(shape: Shape, spectra: Sequence[Spectrum], unit: float, guess: Arr
         target = (w**2)[:, None] * one.motion
         blocks.append(stacked((weight @ columns).reshape(bins * n, -1)))
         targets.append(stacked((weight @ target[:, :, None]).ravel()))
-    matrix, target = np.concatenate(blocks), np.concatenate(targets)
-    norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
-    found: Array = np.linalg.lstsq(matrix / norms, target, rcond=None)[0] / norms
+    found = least_squares(np.concatenate(blocks), np.concatenate(targets))
     return found[: shape.count]
 
 

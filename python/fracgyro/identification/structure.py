@@ -4,7 +4,8 @@ With the pick-offs' matrix P = [[1, 0], [s, g]] (s skew, g ratio of y to x) and 
 
     K_y = P K P^-1,    C_y = P (D + 2 Omega [[0, -1], [1, 0]]) P^-1,    B_y = P turn(beta) diag(b1, b2)
 
-Least squares with the covariances of the first stage. Everything but g and s enters linearly.
+Least squares with the covariances of the first stage, over the couplings and the characteristic polynomial (see
+`invariants`). Everything but g and s enters linearly.
 """
 
 from __future__ import annotations
@@ -42,6 +43,27 @@ class Group:
     covariance: Array
     rate: float | None = None
     drives: int = 0
+
+
+def invariants(parameters: NDArray[Any]) -> NDArray[Any]:
+    """The couplings and the characteristic polynomial instead of the entries of K and C: (count, ...).
+
+    det(s^2 + s C + K) = u^2 + u (s p + q) + s r + t with u = s^2 + 1. A record shows p, q, r and t, which are the
+    modes, far better than the couplings, and the diagonal of K and C depends on products of couplings: over K and C the
+    likelihood is a curved valley that no covariance describes, over these numbers it is nearly normal.
+    """
+    k11, k12, k21, k22, c11, c12, c21, c22 = parameters[:8]
+    k11, k22 = k11 - 1, k22 - 1
+    determinant = c11 * c22 - c12 * c21
+    p, q = c11 + c22, k11 + k22 + determinant
+    r, t = c11 * k22 + c22 * k11 - c12 * k21 - c21 * k12, k11 * k22 - k12 * k21 - determinant
+    return np.concatenate([np.stack([k12, k21, c12, c21, p, q, r, t]), parameters[8:]])
+
+
+def invariants_by(parameters: Array) -> Array:
+    """Derivative of `invariants`, exact: by complex steps."""
+    moved = parameters[:, None] + 1j * COMPLEX_STEP * np.eye(len(parameters))
+    return np.asarray(np.imag(invariants(moved)) / COMPLEX_STEP)
 
 
 @dataclass(frozen=True)
@@ -100,17 +122,22 @@ class Structure:
 
     @cached_property
     def _whitening(self) -> Array:
-        """Inverse of the root of the covariance of all groups."""
-        return np.asarray(block_diag(*(np.linalg.inv(_root(each.covariance)) for each in self.groups)))
+        """Inverse of the root of the covariance of the invariants of all groups."""
+        found = []
+        for each in self.groups:
+            by = invariants_by(each.parameters)
+            found.append(np.linalg.inv(_root(by @ each.covariance @ by.T)))
+        return np.asarray(block_diag(*found))
 
     @cached_property
     def _found(self) -> Array:
-        return np.concatenate([each.parameters for each in self.groups])
+        return np.concatenate([np.real(invariants(each.parameters)) for each in self.groups])
 
     def residuals(self, parameters: NDArray[Any]) -> NDArray[Any]:
         """Predicted less found, over the deviations of the first stage; then the priors."""
         found = self._found if parameters.ndim == 1 else self._found[:, None]
-        white = self._whitening @ (self.predicted(parameters) - found)
+        predicted = np.split(self.predicted(parameters), np.cumsum([len(each.parameters) for each in self.groups])[:-1])
+        white = self._whitening @ (np.concatenate(list(map(invariants, predicted))) - found)
         value = dict(zip(self.names, parameters, strict=True))
         prior = [(value[name] - mean) / max(sd, EXACT) for name, (mean, sd) in self.priors.items() if name in value]
         return np.concatenate([white, np.stack(prior)]) if prior else white

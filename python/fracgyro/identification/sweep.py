@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from .diagnostics import REJECTED, Test, correlation, whiteness
 from .model import Complex, Shape
 from .records import Response
-from .sweep_model import DELAY, SweepModel, searched, starts
+from .sweep_model import DELAY, SweepModel, searched
+from .sweep_start import starts
 
 Array = NDArray[np.float64]
 
 POLISH = 5  # steps before the starts are compared
+ENDED = 3  # starts that are followed to their minimum
 MAX_STEPS = 60
 WEIGHTINGS = 3
 MAX_CORRELATED = 60  # points
@@ -78,7 +80,9 @@ def fit_sweep(response: Response) -> SweepFit:
     unit = float(frequency[np.argmax(_distance(values))])
     w = frequency / unit
     problem = SweepModel(shape, unit, w, float(w.mean()), values, _first_noise(values))
-    parameters = min((searched(problem, each, POLISH) for each in starts(problem)), key=lambda each: each[1])[0]
+    polished = sorted((searched(problem, each, POLISH) for each in starts(problem)), key=lambda each: each[1])
+    ended = [searched(problem, each, MAX_STEPS) for each, _ in polished[:ENDED]]
+    parameters = min(ended, key=lambda each: each[1])[0]
     points = 2 * values.size
     count = 2 * shape.axes**2 + 2
     free = points - count - shape.drives * 4 * shape.axes

@@ -22,10 +22,8 @@ from .start import stable, stacked
 
 Array = NDArray[np.float64]
 
-PASSES = 12
 SMALL_STEP = 1e-4  # length of a step, in standard deviations, that is not taken
 SINGULAR = 1e-14  # eigenvalues of the normal equations below this are rounding
-PHASES = 4  # first values of the instrument's phase
 # A narrow sweep hardly shows the slopes of delay and feedthrough, and drifts of the instrument resemble them. So they
 # have a deviation before any record, as physics has it: a delay of some periods, a feedthrough such as jw Cp.
 DELAY = 10.0  # 1/omega0
@@ -107,41 +105,6 @@ class SweepModel:
         known = np.zeros((1, len(parameters)))
         known[0, -1] = 1 / DELAY
         return np.concatenate([*rests, known @ parameters]), np.concatenate([*jacobians, known]), parts
-
-
-def starts(problem: SweepModel) -> list[Array]:
-    """First values of K, C, phi and tau, for several phases of the instrument.
-
-    (-w^2 + jw C + K) H is a cubic in w with complex coefficients if the phase is constant: linear least squares,
-    weighted by the inverse of the last pass.
-    """
-    n, w = problem.shape.axes, problem.w
-    square = n * n
-    stiffness, damping = float((w @ w) / len(w)) * np.eye(n), 1e-3 * np.eye(n)
-    about = w - problem.middle
-    powers = np.stack([about**k for k in range(4)], axis=1) / np.ptp(w) ** np.arange(4)
-    for _ in range(PASSES):
-        weight = np.linalg.inv(-((w**2)[:, None, None] * np.eye(n)) + 1j * w[:, None, None] * damping + stiffness)
-        rows, targets = [], []
-        for drive in range(problem.shape.drives):
-            one = problem.values[:, :, drive] / problem.noise
-            drives = problem.shape.drives
-            columns = np.zeros((len(w), n, 2 * square + 8 * n * drives), dtype=complex)
-            for row in range(n):
-                columns[:, row, row * n : (row + 1) * n] = one
-                columns[:, row, square + row * n : square + (row + 1) * n] = 1j * w[:, None] * one
-                begin = 2 * square + 8 * (drive * n + row)
-                columns[:, row, begin : begin + 4], columns[:, row, begin + 4 : begin + 8] = -powers, -1j * powers
-            rows.append(stacked((weight @ columns).reshape(len(w) * n, -1)))
-            targets.append(stacked((weight @ ((w**2)[:, None] * one)[:, :, None]).ravel()))
-        matrix = np.concatenate(rows)
-        norms = np.maximum(np.linalg.norm(matrix, axis=0), np.finfo(float).tiny)
-        found = np.linalg.lstsq(matrix / norms, np.concatenate(targets), rcond=None)[0] / norms
-        both = stable(Shape(n), found[: 2 * square])
-        stiffness, damping = both[:square].reshape(n, n), both[square:].reshape(n, n)
-    turn = np.outer(problem.noise, 1 / problem.noise)
-    first = np.concatenate([(stiffness * turn).ravel(), (damping * turn).ravel()])
-    return [np.concatenate([first, [phase, 0.0]]) for phase in np.pi * np.arange(PHASES) / PHASES]
 
 
 def searched(problem: SweepModel, start: Array, steps: int) -> tuple[Array, float]:

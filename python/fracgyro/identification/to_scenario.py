@@ -1,22 +1,28 @@
-"""The scenario of an identified device, and its TOML with intervals and sources as comments."""
+"""The scenario of an identified device, and its TOML with intervals and sources as comments.
+
+Plant axes are those of the pick-offs, as the records see them; or the principal axes of the stiffness, which the
+pick-offs and the actuators are then turned against. Both are the same device.
+"""
 
 from __future__ import annotations
 
 import math
-import re
-import textwrap
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
-from ..rate.units import thermal_force_density
+import numpy as np
+
+from ..arguments import short
+from ..devices.commented import commented
+from ..devices.shipped_like import TEMPERATURE, Linear, like
 from ..scenario import Scenario
-from ..scenario.printing import END
 from .first_stage import Fitted
 from .quantity import Quantity
 from .results import Results
 
-TEMPERATURE = 300.0  # K, by default
+Axes = Literal["pickoffs", "principal"]
+
 SLOWEST_RATE = math.radians(10.0)  # rad/s: a smaller identified rate is not a full scale
-BASES = ((50.0, "tuned_in_air"), (1e5, "dual_mass"), (math.inf, "disc"))  # by quality factor, up to these
 INSIDE = 0.999  # times the largest coupling damping that D >= 0 allows
 
 # Field of the scenario: quantities that it comes from.
@@ -33,20 +39,38 @@ SOURCES = {
 def base_name(found: Results) -> str:
     """The shipped scenario whose controller the identified device takes, by its quality factors."""
     losses = [each for name, each in found.items() if name.startswith("quality_") and each.determined]
-    quality = min((each.value for each in losses), default=1e4)
-    largest = max((each.value for each in losses), default=1e4)
-    if quality < BASES[0][0]:
-        return BASES[0][1]
-    return next(name for limit, name in BASES[1:] if largest <= limit)
+    quality = [each.value for each in losses] or [1e4]
+    return like(min(quality), max(quality))
 
 
-def scenario_of(found: Results) -> Scenario:
-    """The identified device in the shipped scenario that is most like it."""
+def scenario_of(found: Results, axes: Axes = "pickoffs") -> Scenario:
+    """The identified device in the shipped scenario that is most like it, in these axes.
+
+    Raises ValueError for other axes, or if the principal axes are not known.
+    """
+    if axes not in ("pickoffs", "principal"):
+        raise ValueError(f"axes is {short(axes)}: it must be pickoffs or principal")
+    if axes == "principal" and not ("kxy" in found and found["kxy"].determined):
+        raise ValueError("axes is principal: these records do not determine kxy, so it must be pickoffs")
     base = Scenario.shipped(base_name(found))
-    return base.replace(_changes(found, base))
+    return base.replace(_changes(found, base, axes))
 
 
-def _changes(found: Results, base: Scenario) -> dict[str, Any]:
+def principal(plant: Linear) -> tuple[Linear, float]:
+    """The device in the principal axes of its stiffness, and the angle to the nearest of them from x, rad."""
+    xx, xy, yy = plant.stiffness
+    angle = 0.5 * math.atan2(2 * xy * math.copysign(1.0, xx - yy), abs(xx - yy))
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+
+    def turned(entries: tuple[float, float, float]) -> tuple[float, float, float]:
+        (one, coupling), (_, other) = (turn.T @ np.array([entries[:2], entries[1:]]) @ turn).tolist()
+        return one, coupling, other
+
+    kxx, _, kyy = turned(plant.stiffness)
+    return replace(plant, stiffness=(kxx, 0.0, kyy), damping=turned(plant.damping)), angle
+
+
+def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
     mass = found.known.mass or 1.0
     k = {name: _rounded(found, name) for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy")}
     if k["kyy"] is None:  # one pick-off: the other axis is that of the shipped scenario, scaled
@@ -57,34 +81,43 @@ def _changes(found: Results, base: Scenario) -> dict[str, Any]:
     kxy = float(k["kxy"] or 0.0)
     limit = INSIDE * math.sqrt(dxx * dyy)
     dxy = min(max(float(k["dxy"] or 0.0), -limit), limit)
-    unit = float(f"{math.sqrt(kxx / mass):.10g}")
-    length = _length(found, base)
+    linear = Linear(mass, (kxx, kxy, kyy), (dxx, dxy, dyy), _length(found, base))
+    drive = found.get("beta")
+    pushed = math.radians(drive.value) if drive is not None and drive.determined else 0.0
+    seen = 0.0
+    if axes == "principal":
+        linear, angle = principal(linear)
+        seen, pushed = -angle, pushed - angle
     ratio = _rounded(found, "pickoff_ratio") or 1.0
-    force = mass * unit**2 * length
-    changes: dict[str, Any] = {
-        "plant.mass": mass,
-        "plant.stiffness": {"xx": kxx, "xy": kxy, "yy": kyy},
-        "plant.damping": {"xx": dxx, "xy": dxy, "yy": dyy},
-        "plant.reference_frequency": unit,
-        "plant.reference_length": length,
-        "reference.frequency": (1.0, float(f"{math.sqrt(kyy / mass) / unit:.10g}")),
-        "device.pickoff_gain_error": (0.0, float(f"{ratio - 1:.12g}")),
-        "adaptation.initial_ratio": 1.0,
-    }
     rate = _rate(found)
+    changes = linear.changes() | {
+        "device.pickoff_gain_error": (0.0, float(f"{ratio - 1:.12g}")),
+        "device.pickoff_misalignment": seen,
+        "device.force_misalignment": pushed,
+        "adaptation.initial_ratio": 1.0,
+        **_in_seconds(base, linear),
+        "controller.force_limit": linear.force_limit(base, base.plant.angular_rate if rate is None else rate),
+    }
     if rate is not None:
         changes["plant.angular_rate"] = rate
     if found.known.mass is not None:
         temperature = found.conditions[0].state.temperature or TEMPERATURE
-        density = thermal_force_density(max(dxx, dyy), temperature) * unit / force**2
-        changes["disturbance.density"] = float(f"{density:.6g}")
+        changes["disturbance.density"] = linear.thermal_density(temperature)
     noise = noise_density(found)
     if noise is not None:
         changes["device.position_noise_density"] = float(f"{noise:.4g}")
-    turn = found.get("beta")
-    if turn is not None and turn.determined:
-        changes["device.force_misalignment"] = math.radians(turn.value)
     return changes
+
+
+def _in_seconds(base: Scenario, linear: Linear) -> dict[str, Any]:
+    """Bandwidth and drifts of the shipped scenario, in units of the device's omega0."""
+    turn = base.plant.reference_frequency / linear.omega
+    values = {
+        "adaptation.rate_forgetting": base.adaptation.rate_forgetting,
+        "datasheet.stiffness_drift": base.datasheet.stiffness_drift,
+        "datasheet.damping_drift": base.datasheet.damping_drift,
+    }
+    return {name: float(f"{turn * value:.6g}") for name, value in values.items()}
 
 
 def noise_density(found: Results) -> float | None:
@@ -127,34 +160,38 @@ def _rounded(found: Results, name: str) -> float | None:
     return float(f"{each.value:.{min(digits, 17)}g}")
 
 
+def correction(found: Results) -> list[list[float]] | None:
+    """The matrix by which a measured (x, y) is multiplied to be the motion, in units of x: P^-1 of structure.py.
+
+    None if the pick-off ratio is not determined.
+    """
+    ratio, skew = _rounded(found, "pickoff_ratio"), _rounded(found, "skew") or 0.0
+    if ratio is None:
+        return None
+    return [[1.0, 0.0], [_ten(-skew / ratio), _ten(1 / ratio)]]
+
+
+def _ten(value: float) -> float:
+    return float(f"{value:.10g}") + 0.0
+
+
 # -- TOML --------------------------------------------------------------------------------------------------------------
 
 
-def toml_of(found: Results) -> str:
+def toml_of(found: Results, axes: Axes = "pickoffs") -> str:
     """The scenario as TOML: its head lists what was assumed, and each identified field has its interval and source."""
-    scenario = scenario_of(found)
-    head, *lines = scenario.to_toml().split("\n")
+    scenario, comments = scenario_of(found, axes), _field_comments(found)
     words = [f"Identified by fracgyro from {', '.join(found.files) or 'arrays'}; intervals are 95 %."]
     words += [f"{each[0].upper()}{each[1:]}." for each in found.notes]
     words += [f"Test failed: {each.words}." for each in found.tests if each.verdict == "fail"]
     words.append(f"Controller, adaptation and run are those of the shipped scenario {base_name(found)}.")
-    written = [head, *(line for each in words for line in _comment(each))]
-    comments = _field_comments(found)
-    table = ""
-    for line in lines:
-        opened = re.fullmatch(r"\[+(\w+)\]+", line)
-        table = opened[1] if opened else table
-        named = re.match(r"(\w+) = ", line)
-        written += (
-            [each for words in comments.get(f"{table}.{named[1]}", ()) for each in _comment(words)] if named else []
-        )
-        written.append(line)
-    assert END in written
-    return "\n".join(written)
-
-
-def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), 110)]
+    if axes == "principal":
+        said = _part(found["stiffness_axis"])
+        words.append(f"All is in the principal axes of the stiffness, which the pick-offs see turned: {said}.")
+        for field in ("plant.stiffness", "plant.damping", "device.force_misalignment"):
+            comments.setdefault(field, []).append("In the principal axes; intervals are for the axes of the pick-offs.")
+        comments["device.pickoff_misalignment"] = ["From the principal axes to the pick-offs."]
+    return commented(scenario, words, comments)
 
 
 def _field_comments(found: Results) -> dict[str, list[str]]:
@@ -175,6 +212,10 @@ def _field_comments(found: Results) -> dict[str, list[str]]:
                 comments.setdefault(field, []).append(f"Not determined by these records: {each.name}{reason}.")
     if _rate(found) is None:
         comments.setdefault("plant.angular_rate", []).append("The end of the range of the shipped scenario.")
+    matrix = correction(found)
+    if matrix is not None:
+        words = f"A controller takes the pick-offs for equal: multiply what is measured by {matrix} before it."
+        comments.setdefault("device.pickoff_gain_error", []).append(words)
     relative = "Relative: no mass was given, so stiffness and damping are per 1 kg."
     if found.known.mass is None:
         comments["plant.mass"] = [relative]

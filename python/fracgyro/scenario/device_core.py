@@ -13,11 +13,13 @@ from .device import Device
 from .points import Points
 from .scenario import Scenario
 
+IDEAL = Device()
+
 
 def is_ideal(scenario: Scenario) -> bool:
     """True if the rate is constant and the device ideal, and the controller receives the measurements themselves."""
     unfiltered = bool(scenario.controller.filter == "none")
-    return unfiltered and scenario.rate.kind == "constant" and scenario.device == Device()
+    return unfiltered and scenario.rate.kind == "constant" and scenario.device == IDEAL
 
 
 def rate_values(scenario: Scenario) -> dict[str, Any]:
@@ -49,7 +51,7 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
     # A white density N up to the corner f_c is that of flicker noise A^2/omega at f_c: A = N sqrt(pi f_c).
     to_flicker = math.sqrt(2 * math.pi * step * scales.time)
     cubic = scales.length * scales.length / scales.stiffness
-    return dict(d) | {
+    return dict(vars(d)) | {
         "position_noise": position_noise,
         "velocity_noise": velocity_noise,
         "position_flicker": position_noise * to_flicker * math.sqrt(d.position_noise_corner),

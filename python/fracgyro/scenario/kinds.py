@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import groupby
 from typing import Annotated, Any, Literal
 
@@ -43,11 +43,11 @@ class Number:
     kinds: tuple[str, ...]  # the kinds of its table that have it; none: all
     default: float
 
-    @property
+    @cached_property
     def path(self) -> str:
         return f"{self.table}.{self.field}"
 
-    @property
+    @cached_property
     def name(self) -> str:
         return self.path + self.part
 

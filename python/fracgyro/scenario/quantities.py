@@ -125,12 +125,13 @@ def _with_rows(value: Any, path: str, file: PointsFile, model: type[BaseModel], 
 
 def _only_numbers(table: Any) -> bool:
     """True if there is no text with a unit in a table: most have none, which is then known at once."""
-    values = table.values() if isinstance(table, dict) else ()
+    values = (vars(table) if isinstance(table, BaseModel) else table if isinstance(table, dict) else {}).values()
     return bool(values) and all(
         type(value) in PLAIN
         or (type(value) is str and not is_quantity(value))
         or (type(value) in (tuple, list) and all(type(each) is float for each in value))
         or (type(value) is dict and all(type(each) is float for each in value.values()))
+        or (type(value) is Symmetric and all(type(each) is float for each in vars(value).values()))
         for value in values
     )
 

@@ -13,6 +13,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from ..arguments import short
 from ..files import whole_file
@@ -215,16 +216,21 @@ class Scenario(Table):
         """
         if not isinstance(changes, Mapping):
             raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
-        tables = self.model_dump()
+        changed = {str(path).partition(".")[0] for path in changes}
+        kinds = {"controller.kind", "controller.filter"} & set(changes)
+        # Tables that stay as they are have been validated; the fields of some depend on the kind of controller.
+        kept: dict[str, Any] = {name: table for name, table in self if name not in changed}
+        kept = {name: table for name, table in kept.items() if not (kinds and name in BY_KIND)}
+        tables: dict[str, Any] = {name: table.model_dump() for name, table in self if name not in kept}
         kind = changes.get("controller.kind", self.controller.kind)
         filtered = str(changes.get("controller.filter", self.controller.filter))
-        for name in BY_KIND:  # fields that the other kind does not have are dropped
+        for name in filter(tables.__contains__, BY_KIND):  # fields that the other kind does not have are dropped
             known = fields_of_table(Scenario, name, kind, filtered) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
-        for name in OWN_KINDS:
+        for name in filter(tables.__contains__, OWN_KINDS):
             of = changes.get(f"{name}.kind", tables[name]["kind"])
-            kinds = tuple(map(str, of)) if isinstance(of, list | tuple) else (str(of),)
-            known = own_fields(Scenario, name, kinds)
+            kinds_of = tuple(map(str, of)) if isinstance(of, list | tuple) else (str(of),)
+            known = own_fields(Scenario, name, kinds_of)
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         if "disturbance.kind" in changes:
             for kind, field in NEEDS.items():
@@ -245,7 +251,7 @@ class Scenario(Table):
                     table = ".".join(parents[:depth])
                     raise ScenarioError(f"{table} is {format_value(node)}: it must be a table")
             node[leaf] = value
-        return Scenario(**tables)
+        return _with_tables(kept, tables)
 
     def with_reference(self, function: Function, every: int = 1) -> Scenario:
         """A copy that follows a function of time: `function(time)` returns (x, y), in the units of run.units.
@@ -338,6 +344,23 @@ class Scenario(Table):
         True
         """
         return hashlib.sha256(scenario_text(self, texts=False).encode()).hexdigest()
+
+
+def _with_tables(kept: dict[str, Any], changed: dict[str, Any]) -> Scenario:
+    """The scenario `Scenario(**kept, **changed)`, of whose tables only those are validated that are not models yet."""
+    try:
+        tables = with_numbers({**kept, **changed}, Scenario)
+        for name, table in tables.items():
+            if not isinstance(table, BaseModel):
+                tables[name] = type(getattr(DEFAULT, name)).model_validate(table)
+        found = Scenario.model_construct(**tables)
+        check(found)
+        return found
+    except (ValidationError, PydanticCustomError):
+        return Scenario(**kept, **changed)  # raises the error of the whole, in one sentence
+
+
+DEFAULT = Scenario()
 
 
 def check_scenario(scenario: object) -> None:

@@ -48,7 +48,7 @@ def derived(scenario: Scenario) -> Derived:
 def core_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, float]:
     """Every number of a run on an ideal device by name, nondimensional, as the core takes it."""
     found = found or derived(scenario)
-    tables = {name: dict(table) for name, table in scenario}
+    tables = {name: dict(vars(table)) for name, table in vars(scenario).items()}
     tables["guard"] = dict(guard(scenario, found))
     tables["datasheet"] = dict(datasheet(scenario, found))
     tables["plant"] = _plant(scenario)
@@ -267,25 +267,59 @@ def _unchanged(scenario: Scenario) -> _core.DeviceSetup:
     return _made(scenario, {})
 
 
-def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup:
-    kind, run = scenario.controller.kind, scenario.run
-    values = derived(scenario)
-    listed = core_numbers(scenario, values)
-    if unknown := set(changes) - set(listed):
-        raise KeyError(f"{min(unknown)} is not a number of this run")
-    setup = _core.DeviceSetup(KINDS.index(kind), list((listed | dict(changes)).values()))
-    if setup.has_memory:
-        setup.kernel = core_kernel(scenario.controller.order, run.step, run.duration, run.kernel_tolerance)
-    setup.seed = scenario.disturbance.seed  # a double does not hold all
-    if not is_plain(scenario):
-        setup.set_reference(_lists(scenario.reference))
-    setup.set_terms(term_list(scenario))
-    setup.sensing = _sensing(scenario, values)
+class Parts(NamedTuple):
+    """Everything that a set-up is made of; None for a part that it does not have."""
+
+    kind: int
+    numbers: dict[str, float]
+    memory: tuple[float, float, float, float]  # arguments of core_kernel, for a controller that has memory
+    seed: int  # the disturbance's: a double does not hold all
+    reference: Reference | None
+    terms: list[float]
+    sensing: list[float]
+    device: tuple[list[float], Any, Any, int] | None
+    plant: tuple[int, list[float]] | None
+
+    def setup(self) -> _core.DeviceSetup:
+        made = _core.DeviceSetup(self.kind, list(self.numbers.values()))
+        if made.has_memory:
+            made.kernel = core_kernel(*self.memory)
+        made.seed = self.seed
+        if self.reference is not None:
+            made.set_reference(_lists(self.reference))
+        made.set_terms(self.terms)
+        made.sensing = self.sensing
+        if self.device is not None:
+            made.set_device(*self.device)
+        if self.plant is not None:
+            made.set_plant(*self.plant)
+        return made
+
+
+def parts(scenario: Scenario) -> Parts:
+    run, values = scenario.run, derived(scenario)
+    place = PLANT_KINDS.index(scenario.plant.kind)
+    device = None
     if not is_ideal(scenario):
-        setup.set_device(list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed)
-    if scenario.plant.kind != PLANT_KINDS[0]:
-        setup.set_plant(PLANT_KINDS.index(scenario.plant.kind), list(own_plant_numbers(scenario).values()))
-    return setup
+        device = list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed
+    return Parts(
+        KINDS.index(scenario.controller.kind),
+        core_numbers(scenario, values),
+        (scenario.controller.order, run.step, run.duration, run.kernel_tolerance),
+        scenario.disturbance.seed,
+        None if is_plain(scenario) else scenario.reference,
+        term_list(scenario),
+        _sensing(scenario, values),
+        device,
+        (place, list(own_plant_numbers(scenario).values())) if place else None,
+    )
+
+
+def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup:
+    found = parts(scenario)
+    if unknown := set(changes) - set(found.numbers):
+        raise KeyError(f"{min(unknown)} is not a number of this run")
+    return found._replace(numbers=found.numbers | dict(changes)).setup()
 
 
 def _sensing(scenario: Scenario, found: Derived) -> list[float]:

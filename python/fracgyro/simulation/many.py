@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from .. import _core
 from ..arguments import short
 from ..scenario import Scenario
-from ..scenario.to_core import core_setup
+from .processors import processors
 
 _jobs: ContextVar[int | None] = ContextVar("jobs", default=None)
 
@@ -35,7 +35,7 @@ def at_most(jobs: int | None) -> Iterator[None]:
 
 def threads_available() -> int:
     """Number of processors that this process may use, at most those of `at_most`."""
-    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    found = processors()
     return min(found, _jobs.get() or found)
 
 
@@ -57,14 +57,17 @@ def seed_of_each(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> 
 
 
 def setups_of(
-    scenarios: Sequence[Scenario], seeds: Sequence[int] | None, group: int
+    all_setups: Iterable[_core.DeviceSetup], seeds: Sequence[int] | None, group: int
 ) -> Iterator[tuple[int, _core.DeviceSetup]]:
-    """Every run with its index in the result; within groups of `group` scenarios, ordered by seed."""
+    """Every run with its index in the result; within groups of `group` set-ups, ordered by seed."""
     if seeds is None:
-        yield from enumerate(map(core_setup, scenarios))
+        yield from enumerate(all_setups)
         return
-    for first in range(0, len(scenarios), group):
-        setups = [core_setup(scenario) for scenario in scenarios[first : first + group]]
+    waiting = iter(all_setups)
+    for first in count(0, group):
+        setups = list(islice(waiting, group))
+        if not setups:
+            return
         for at, seed in enumerate(seeds):
             for i, setup in enumerate(setups, first):
                 seeded = _core.DeviceSetup(setup)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from itertools import islice
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain, islice
 
 import numpy as np
 import xarray as xr
@@ -11,7 +12,7 @@ import xarray as xr
 from .. import _core
 from ..arguments import number, short
 from ..scenario import Scenario
-from ..scenario.to_core import check_single
+from ..scenario.to_core import check_single, core_setup
 from .dataset import metrics_dataset
 from .many import check_many, seed_of_each, setups_of, threads_available
 from .native import Law
@@ -76,22 +77,28 @@ def measure_many(
         raise ValueError(f"single_precision is True: it must be False with {what}, which runs in double precision")
     for scenario in scenarios if single_precision else ():
         check_single(scenario)
-    params = _core.MetricsParams()
     thresholds = {
         "transient": transient,
         "error_bound": error_bound,
         "surface_bound": surface_bound,
         "rate_tolerance": rate_tolerance,
     }
-    for name, value in thresholds.items():
-        limit = {"least": 0.0} if name == "transient" else {"above": 0.0}
-        setattr(params, name, number(name, value, **limit))
+    params = _params(thresholds)
     threads, widest = threads_available(), _core.lane_counts()[-1]
     parts: list[np.ndarray] = []
     places: list[int] = []
-    waiting = setups_of(scenarios, seeds, SCENARIOS_PER_NOISE)
+    waiting = setups_of(map(core_setup, scenarios), seeds, SCENARIOS_PER_NOISE)
     # Depends only on the scenarios, not on the machine: grouping changes results in the last digits.
-    chunk = min(max(CHUNK, CHUNK_STEPS // scenarios[0].run.steps), CHUNK_RUNS)
+    chunk = _chunk(scenarios[0].run.steps)
+    if user_controller is None and own_plant is None:
+
+        def measured(setups: list[_core.DeviceSetup]) -> np.ndarray:
+            lanes = 1 if len(setups) <= MAX_SINGLE_RUNS else widest
+            return _core.measure_runs(setups, params, threads, lanes, single_precision)
+
+        whole = _in_chunks(waiting, chunk, measured, progress)
+        figures = metrics_dataset(whole, thresholds)
+        return figures if seeds is None else figures.assign_coords(seed_of_each(scenarios, seeds))
     while taken := list(islice(waiting, chunk)):
         setups = [setup for _, setup in taken]
         places.extend(place for place, _ in taken)
@@ -102,14 +109,75 @@ def measure_many(
             each = [laws[owner] for owner in owners] if laws else None
             with running(own_plant):
                 parts.append(user_controller.measure(own, setups, params, threads, each))
-        elif own_plant:
+        else:
             with running(own_plant):
                 parts.append(_core.measure_device_runs(setups, params, threads))
-        else:
-            lanes = 1 if len(setups) <= MAX_SINGLE_RUNS else widest
-            parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         if progress:
             progress(len(setups))
     whole = np.concatenate(parts)[np.argsort(places)]
     figures = metrics_dataset(whole, thresholds)
     return figures if seeds is None else figures.assign_coords(seed_of_each(scenarios, seeds))
+
+
+def measure_setups(
+    setups: Iterable[_core.DeviceSetup],
+    seeds: Sequence[int],
+    few: bool,
+    progress: Callable[[int], object] | None = None,
+    **thresholds: float,
+) -> xr.Dataset:
+    """The variables of `measure_many` for set-ups, which are made while runs continue, with each of the seeds.
+
+    `few`: each run by itself. Otherwise all share lanes, so a run does not depend on the others.
+    """
+    params, threads = _params(thresholds), threads_available()
+    lanes = 1 if few else _core.lane_counts()[-1]
+    all_setups = iter(setups)
+    first = next(all_setups)
+
+    def measured(some: list[_core.DeviceSetup]) -> np.ndarray:
+        return _core.measure_runs(some, params, threads, lanes)
+
+    waiting = setups_of(chain([first], all_setups), seeds, SCENARIOS_PER_NOISE)
+    return metrics_dataset(_in_chunks(waiting, _chunk(first.steps), measured, progress), thresholds)
+
+
+def _params(thresholds: Mapping[str, float]) -> _core.MetricsParams:
+    params = _core.MetricsParams()
+    for name, value in thresholds.items():
+        limit = {"least": 0.0} if name == "transient" else {"above": 0.0}
+        setattr(params, name, number(name, value, **limit))
+    return params
+
+
+def _chunk(steps: int) -> int:
+    return min(max(CHUNK, CHUNK_STEPS // steps), CHUNK_RUNS)
+
+
+def _in_chunks(
+    waiting: Iterator[tuple[int, _core.DeviceSetup]],
+    chunk: int,
+    measured: Callable[[list[_core.DeviceSetup]], np.ndarray],
+    progress: Callable[[int], object] | None,
+) -> np.ndarray:
+    """Rows of all runs in the order of their places. A chunk runs while the next one is made ready."""
+    parts: list[np.ndarray] = []
+    places: list[int] = []
+
+    def keep(rows: np.ndarray) -> None:
+        parts.append(rows)
+        if progress:
+            progress(len(rows))
+
+    taken = list(islice(waiting, chunk))
+    if len(taken) < chunk:  # all of them
+        keep(measured([setup for _, setup in taken]))
+        places.extend(place for place, _ in taken)
+        return parts[0][np.argsort(places)]
+    with ThreadPoolExecutor(1) as pool:
+        while taken:
+            running = pool.submit(measured, [setup for _, setup in taken])
+            places.extend(place for place, _ in taken)
+            taken = list(islice(waiting, chunk))
+            keep(running.result())
+    return np.concatenate(parts)[np.argsort(places)]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..scenario import Scenario
 from ..scenario.device_core import is_ideal
+from ..scenario.to_core import core_setup
 from .many import setups_of, threads_available
 from .user_controller import ControllerLike, UserController
 
@@ -27,7 +28,7 @@ def rate_means(
     The samples are those of `simulate_many` with run.record_every = `every`. `controller`: as in `simulate_many`; it
     must report rate_estimate. A run that diverges is NaN throughout.
     """
-    threads, setups = threads_available(), [setup for _, setup in setups_of([scenario], seeds, 1)]
+    threads, setups = threads_available(), [setup for _, setup in setups_of([core_setup(scenario)], seeds, 1)]
     if controller is None:
         means, lasted = _core.rate_means(setups, every, block, threads, not is_ideal(scenario))
     else:

@@ -163,7 +163,7 @@ def simulate_many(
     _check_size(first, channels, len(scenarios) * times)
     threads, every = threads_available(), first.run.record_every
     parts, lasted = [], []
-    waiting = setups_of(scenarios, seeds, 1)
+    waiting = setups_of(map(core_setup, scenarios), seeds, 1)
     while taken := list(islice(waiting, CHUNK)):
         setups = [setup for _, setup in taken]
         own = [scenarios[place // times] for place, _ in taken]

@@ -45,6 +45,12 @@ class Dimension:
         value = min(math.floor(value) if self.integer else value, self.high)
         return int(value) if self.integer else max(value, self.low)
 
+    def extremes(self) -> tuple[Any, ...]:
+        """The choices, or the ends of the range."""
+        if self.choices is not None:
+            return self.choices
+        return (int(self.low), int(self.high)) if self.integer else (self.low, self.high)
+
     def grid(self) -> tuple[Any, ...] | None:
         """The choices, or `steps` values from low to high; None without either."""
         if self.choices is not None or self.steps is None:

@@ -12,9 +12,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ...analysis.metric_names import ALL_METRICS, METRICS
 from ...files import remove_scratch, whole_file, writable_folder
 from ...scenario import ScenarioError
 from ..controller import recorded
@@ -26,6 +28,7 @@ from .design import Plan
 RUNS = "runs"
 SUMS = "runs.sha256"
 LABEL = b"fracgyro.study"  # key of the study's hash in the metadata of every block
+AGGREGATES = b"fracgyro.aggregates"  # key of the block's aggregates there
 
 
 class BlockFiles:
@@ -58,7 +61,8 @@ class BlockFiles:
 
     def write(self, block: Block, table: pa.Table) -> None:
         with whole_file(self.runs / _name(block)) as scratch:
-            labelled = table.replace_schema_metadata({LABEL: self.hash.encode()})
+            about = {LABEL: self.hash.encode(), AGGREGATES: json.dumps(aggregates(table)).encode()}
+            labelled = table.replace_schema_metadata(about)
             with open(scratch, "wb") as file:  # pyarrow accepts only names in UTF-8
                 pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
             self._sums.add(f"{RUNS}/{_name(block)}", scratch.read_bytes())
@@ -68,6 +72,23 @@ class BlockFiles:
         self._sums.record()
         files = ((self.runs / _name(block)).read_bytes() for block in work)
         return pa.concat_tables([pq.read_table(pa.BufferReader(data), columns=columns) for data in files])
+
+
+def aggregates(table: pa.Table) -> dict[str, Any]:
+    """Number of rows, of those that diverged, and for each metric of the others [count, mean, M2, least, greatest].
+
+    M2 is the sum of squared deviations from the mean. A metric that never occurred has only its count, 0.
+    """
+    gone = table["diverged_at"].is_valid().to_numpy()
+    found: dict[str, list[float]] = {}
+    known = {*METRICS, *ALL_METRICS}
+    for name in (field.name for field in table.schema if field.name in known and field.type == pa.float64()):
+        values = table[name].to_numpy()[~gone]
+        values = values[~np.isnan(values)]
+        count, mean = len(values), float(values.mean()) if len(values) else 0.0
+        spread = [mean, float(((values - mean) ** 2).sum()), float(values.min()), float(values.max())] if count else []
+        found[name] = [count, *spread]
+    return {"rows": table.num_rows, "diverged": int(gone.sum()), "metrics": found}
 
 
 def _name(block: Block) -> str:

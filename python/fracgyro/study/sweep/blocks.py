@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from itertools import product, starmap
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,12 @@ import pyarrow as pa
 from ...analysis.metric_names import METRICS, task_columns
 from ...analysis.task_runs import measure_tasks
 from ...scenario import Scenario
+from ...simulation.measure import MAX_SINGLE_RUNS, measure_setups
 from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
-from .design import Plan, scenario_of
+from .design import Plan
+from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
@@ -36,6 +38,8 @@ class Block:
     thresholds: dict[str, Any]
     controller: ControllerLike | None  # a user's
     tasks: tuple[str, ...] = ()
+    patched: tuple[str, ...] = ()  # fields that are set in the set-up of another point
+    few: bool = False  # all runs of the study together are so few that each runs by itself
 
     @property
     def name(self) -> str:
@@ -67,12 +71,18 @@ class Block:
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
         """The keys with the metrics, null for events that never occur. Uses all processors."""
-        points = [dict(zip(self.columns.names[2:], values, strict=True)) for values in self.values]
-        scenarios = [scenario_of(self.base, number, values) for number, values in enumerate(points, self.first)]
-        controllers = of_each(self.controller, points)
-        runs = measure_tasks(
-            scenarios, self.tasks, seeds=self.seeds, controller=controllers, progress=progress, **self.thresholds
-        )
+        fields = self.columns.names[2:]
+        if self.controller is None and not self.tasks:
+            setups = Setups(self.base, fields, self.patched)
+            made = starmap(setups.setup, enumerate(self.values, self.first))
+            runs = measure_setups(made, self.seeds, self.few, progress, **self.thresholds)
+        else:
+            points = [dict(zip(fields, values, strict=True)) for values in self.values]
+            scenarios = [scenario_of(self.base, n, fields, values) for n, values in enumerate(self.values, self.first)]
+            controllers = of_each(self.controller, points)
+            runs = measure_tasks(
+                scenarios, self.tasks, seeds=self.seeds, controller=controllers, progress=progress, **self.thresholds
+            )
         table = self.keys()
         for name, variable in runs.data_vars.items():
             inner = [dimension for dimension in variable.dims if dimension != "run"]
@@ -104,6 +114,8 @@ def blocks(plan: Plan) -> list[Block]:
             thresholds,
             plan.controller,
             plan.tasks,
+            plan.patched,
+            plan.runs <= MAX_SINGLE_RUNS,
         )
         for number, (first, seed) in enumerate(pieces)
     ]

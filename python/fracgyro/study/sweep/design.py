@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,7 +20,6 @@ from ...scenario.table import Table, format_value, message_error
 from ...scenario.table import field as described
 from ...scenario.toml import read_text
 from ...simulation.user_controller import ControllerLike
-from ..controller import fields_of_scenario
 from ..file import (
     FIXED,
     METRIC,
@@ -36,6 +35,7 @@ from ..file import (
     seeds_of,
 )
 from ..space import MAX_POINTS, Dimension, read_space
+from .setups import Setups, fields_to_patch, scenario_of
 
 MIN_BLOCK = 16  # points, for a confidence interval
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
@@ -94,9 +94,10 @@ class Facts:
     random: bool = False  # a disturbance depends on the seed
     figures: set[str] = dataclasses.field(default_factory=set)  # columns of tasks
 
-    def add(self, scenario: Scenario, *, own: bool) -> None:
+    def add(self, scenario: Scenario, *, own: bool, times: int) -> None:
+        """Adds that many points, all with this scenario but for fields that change none of the facts."""
         self.longest = max(self.longest, scenario.run.steps)
-        self.steps += scenario.run.steps
+        self.steps += scenario.run.steps * times
         self.durations.add(scenario.run.duration)
         self.controllers.add(scenario.controller.kind)
         self.disturbances.add(scenario.disturbance.kinds)
@@ -113,13 +114,14 @@ class Plan:
     base: Scenario
     dimensions: tuple[Dimension, ...]
     points: list[tuple[Any, ...]]  # values of the dimensions
+    patched: tuple[str, ...]  # fields that are set in the set-up of another point
     facts: Facts
     seeds: list[int]
     controller: ControllerLike | None  # a user's, which replaces the scenarios' controller
 
     def scenario(self, number: int) -> Scenario:
         """The scenario of a point."""
-        return scenario_of(self.base, number, dict(zip(self.fields, self.points[number], strict=True)))
+        return scenario_of(self.base, number, self.fields, self.points[number])
 
     @property
     def fields(self) -> list[str]:
@@ -145,9 +147,10 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
         raise ScenarioError("disturbance.seed is in [vary]: use seeds, which apply to every point")
     points = DESIGNS[study.design.kind](study.design, dimensions)
     fields = [dimension.field for dimension in dimensions]
-    facts = Facts()
-    for number, point in enumerate(points):
-        facts.add(scenario_of(base, number, dict(zip(fields, point, strict=True))), own=controller is not None)
+    facts, patched = Facts(), fields_to_patch(base, dimensions)
+    setups = Setups(base, fields, patched)
+    for scenario, alike in itertools.groupby(itertools.starmap(setups.alike, enumerate(points)), _Same):
+        facts.add(scenario.it, own=controller is not None, times=sum(1 for _ in alike))
     check_tasks(study.show, facts.figures, "every point")
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
     if len(seeds) > 1 and not facts.random:
@@ -155,16 +158,17 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
             f"seeds is {format_value(seeds)}: it must be one seed, as no result depends on it with disturbance.kind "
             f"{' or '.join(map(format_value, sorted(facts.disturbances)))}"
         )
-    return Plan(study, read_text(path), base, dimensions, points, facts, seeds, controller)
+    return Plan(study, read_text(path), base, dimensions, points, patched, facts, seeds, controller)
 
 
-def scenario_of(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenario:
-    """The scenario of a point. Raises ScenarioError, with the point's number and values, if it is invalid."""
-    try:
-        return base.replace(fields_of_scenario(values))
-    except ScenarioError as error:
-        where = ", ".join(f"{field} = {format_value(value)}" for field, value in values.items())
-        raise ScenarioError(f"point {number} ({where}) cannot run: {error}") from None
+class _Same:
+    """A scenario, equal only to itself, which is known at once."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.it = scenario
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.it is self.it
 
 
 def _grid(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:

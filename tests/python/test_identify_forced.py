@@ -1,0 +1,66 @@
+"""Forced records whose force is delayed by whole samples and by a fraction, with feedthrough of the same delay."""
+
+from __future__ import annotations
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from bench_records import DUAL_MASS
+from fracgyro.identification.first_stage import Fitted
+from scipy.linalg import expm
+
+SAMPLES, PER_PERIOD = 8192, 9.0
+DRIVE = np.array([[1.0, 0.0], [0.0, DUAL_MASS.ratio]]) @ (1e-2 * np.array([[1.0, 0.0], [0.0, 0.9]]))
+THROUGH = np.array([[0.02, 0.005], [0.003, 0.03]])
+
+
+def forced(delay: float, seed: int, noise: float = 1e-3) -> fg.identify.Record:
+    """A record of a held random force, sample by sample: in each interval the delayed force changes once."""
+    whole, fraction = int(delay), delay % 1
+    stiffness, damping = DUAL_MASS.seen
+    matrix = np.zeros((6, 6))
+    matrix[:2, 2:4], matrix[2:4, :2], matrix[2:4, 2:4], matrix[2:4, 4:] = np.eye(2), -stiffness, -damping, DRIVE
+    size = 2 * np.pi / PER_PERIOD
+    first, second = expm(size * fraction * matrix)[:4], expm(size * (1 - fraction) * matrix)[:4]
+    generator = np.random.default_rng(seed)
+    force = generator.normal(size=(2, SAMPLES))
+    state, motion = np.zeros(4), np.empty((2, SAMPLES))
+    for i in range(SAMPLES):
+        late = force[:, i - whole] if i >= whole else np.zeros(2)
+        before = force[:, i - whole - 1] if i > whole else np.zeros(2)
+        motion[:, i] = state[:2] + THROUGH @ (before if fraction else late)
+        state = first @ np.concatenate([state, before])
+        state = second @ np.concatenate([state, late])
+    motion += noise * np.abs(motion).max() * generator.normal(size=motion.shape)
+    return fg.identify.Record(*motion, interval=DUAL_MASS.interval(PER_PERIOD), force=force)
+
+
+@pytest.mark.parametrize("delay", [0.0, 3.0, 2.4, 0.7])
+def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None:
+    record = forced(delay, seed=round(10 * delay))
+    found = fg.identify(record)
+    (fit,) = found.groups
+    assert isinstance(fit, Fitted)
+    assert fit.delay is not None
+    total, deviation = fit.delay.samples + fit.delay.fraction, fit.delay.deviation
+    assert 0 < deviation < 0.02
+    if delay % 1:
+        assert abs(total - delay) < 4 * deviation
+    else:
+        assert (fit.delay.samples, fit.delay.fraction) == (delay, 0.0)
+    assert found["delay"].value == pytest.approx(total * record.interval)
+    turn = fit.unit / DUAL_MASS.omega
+    scale = np.array([turn**2] * 4 + [turn] * 4 + [turn**2] * 4)
+    error = fit.fit.parameters * scale - np.concatenate([DUAL_MASS.parameters, DRIVE.ravel()])
+    squares = float(error @ np.linalg.solve(fit.fit.covariance * np.outer(scale, scale), error))
+    assert squares < 33.0  # chi^2 with 12 degrees of freedom: 99.9 %
+    assert not [each for each in found.tests if each.verdict == "fail"]
+
+
+def test_a_record_without_noise_gives_the_fraction_of_the_interval() -> None:
+    found = fg.identify(forced(1.6, seed=1, noise=1e-7))
+    (fit,) = found.groups
+    assert isinstance(fit, Fitted)
+    assert fit.delay is not None
+    assert fit.delay.samples == 1
+    assert fit.delay.fraction == pytest.approx(0.6, abs=2e-3)
