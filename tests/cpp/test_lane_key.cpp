@@ -44,7 +44,7 @@ const std::map<std::string, Switch> switches_of_the_filter{
 const std::map<std::string, Switch> switches_of_memory{
     {"datasheet.position_noise", {0.0, 1.0, 2.0}},
 };
-// What published laws add to the linear term.
+// Terms that published laws add to the linear one.
 const std::map<std::string, Switch> switches_of_linear_terms{
     {"controller.coupling", {0.0, 1.0, 2.0}},
     {"controller.error_integral", {0.0, 1.0, 2.0}},

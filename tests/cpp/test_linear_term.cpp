@@ -1,4 +1,4 @@
-// What published laws add to the linear surface: closed forms on a free mass that is known as such.
+// Terms that published laws add to the linear surface: closed forms on a free mass that is known as such.
 #include "scalars.hpp"
 
 #include "fracgyro/controllers/sliding_mode.hpp"
@@ -92,9 +92,9 @@ TYPED_TEST(LinearTermOf, TheIntegralRestsWhereItWouldWindUpAndWithoutASample) {
         this->step();
         return number(this->state.surface.integral.x());
     };
-    EXPECT_EQ(after(1.0, 0.0), 0.0);                           // u = -38, beyond the limit by more of the same
-    EXPECT_NEAR(after(1.0, -4.0), 1e-3, 1e-9);                 // u = 14: more of it lowers the force
-    EXPECT_NEAR(after(0.1, 0.0), 1e-4, 1e-9);                  // u = -3.8
+    EXPECT_EQ(after(1.0, 0.0), 0.0);            // u = -38, beyond the limit by more of the same
+    EXPECT_NEAR(after(1.0, -4.0), 1e-3, 1e-9);  // u = 14: more of it lowers the force
+    EXPECT_NEAR(after(0.1, 0.0), 1e-4, 1e-9);   // u = -3.8
     const double before = number(this->state.surface.integral.x());
     this->miss({.value = vec2<TypeParam>(0.2, 0.2)});
     EXPECT_EQ(number(this->state.surface.integral.x()), before);
@@ -125,7 +125,7 @@ TYPED_TEST(LinearTermOf, TheStartIsThatOfTheFirstMeasuredSample) {
     this->miss();
     this->motion = {.position = vec2<TypeParam>(1, 0)};
     expect_equal(this->step().report.surface, {0, 0});
-    this->miss({.value = vec2<TypeParam>(5, 0)});  // time goes on
+    this->miss({.value = vec2<TypeParam>(5, 0)});  // time continues
     EXPECT_NEAR(number(this->state.surface.start.x()), lambda * std::exp(-2.0 * 2e-3), 1e-6);
     TestFixture::C::start_over(this->state, true);
     this->motion = {.position = vec2<TypeParam>(0, 2)};
@@ -141,7 +141,8 @@ TYPED_TEST(LinearTermOf, TheFilterDecaysExactlyAndNeedsNoAcceleration) {
     p.linear.filter = tau;
     const auto c = Term::prepare(p, 1e-3, 1.0);
     typename Term::State state{};
-    SurfaceInput<TypeParam> input{.reference = {.velocity = vec2<TypeParam>(1, 0), .acceleration = vec2<TypeParam>(7, 9)}};
+    SurfaceInput<TypeParam> input{
+        .reference = {.velocity = vec2<TypeParam>(1, 0), .acceleration = vec2<TypeParam>(7, 9)}};
     const Sample<TypeParam> none{};
     const auto point = [&] {
         const auto found = Term::evaluate(state, c, none, input);

@@ -83,10 +83,9 @@ void expect_its_controller() {
 }
 TEST(Triggered, WithoutThresholdItIsItsControllerBitForBit) {
     [&]<class... Entries>(std::type_identity<std::tuple<Entries...>>) {
-        (
-            [&]<class... Types>(List<Types...>) { (expect_its_controller<Types>(), ...); }(
-                typename Entries::Type::template Types<double>{}),
-            ...);
+        ([&]<class... Types>(List<Types...>) { (expect_its_controller<Types>(), ...); }(
+             typename Entries::Type::template Types<double>{}),
+         ...);
     }(std::type_identity<Registry>{});
 }
 
@@ -129,8 +128,9 @@ TEST(Triggered, AGuardedOneRecoversFromBadSamples) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     for (int n = 0; n < 600; ++n) {
         const double t = h * n, bad = n % 100 >= 50 ? nan : 0.0;
-        const auto signals = C::step(state, c, {.position = {std::sin(pi * t) + bad, std::cos(0.5 * pi * t)},
-                                                .velocity = {pi * std::cos(pi * t), 0.0}});
+        const auto signals = C::step(
+            state, c,
+            {.position = {std::sin(pi * t) + bad, std::cos(0.5 * pi * t)}, .velocity = {pi * std::cos(pi * t), 0.0}});
         ASSERT_TRUE(std::isfinite(signals.force.x()) && std::isfinite(signals.force.y())) << n;
     }
     EXPECT_EQ(state.status, Status::lost);

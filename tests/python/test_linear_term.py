@@ -1,4 +1,4 @@
-"""What published laws add to the linear surface: an independent transcription, and what each changes."""
+"""Terms that published laws add to the linear surface: an independent transcription, and what each changes."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ struct SurfacePoint {
     Vec2<T> s{}, drift{};
 };
 
-// What a surface may need besides the error.
+// Inputs of a surface next to the error.
 template <Scalar T>
 struct SurfaceInput {
     ReferencePoint<T> reference{};

@@ -11,7 +11,8 @@
 //
 //    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)). To λ1 e, linear_term.hpp adds terms.
 //
-//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound(), advance() if it has memory to update after the force is sent, and one line in registry.hpp.
+//    To add a surface: a type with Coefficients, State, prepare(), evaluate() and sound() as below, advance() if it has
+//    memory to update after the force is sent, and one line in registry.hpp.
 #pragma once
 
 #include "fracgyro/control/common.hpp"
@@ -168,9 +169,7 @@ struct Surface {
     static Coefficients prepare(const SurfaceParams& p, double step, double position_share) {
         return {.first = First::prepare(p, step, position_share), .terminal = TerminalTerm<T>::prepare(p, step)};
     }
-    static bool sound(const State& state, const Coefficients& c) {
-        return First::sound(state, c.first);
-    }
+    static bool sound(const State& state, const Coefficients& c) { return First::sound(state, c.first); }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error,
                                     const SurfaceInput<T>& input = {}) {
         SurfacePoint<T> point;

@@ -35,10 +35,10 @@ namespace fracgyro {
 enum class NetworkInputs { measured, reference };
 
 struct NetworkParams {
-    double surface_gain = 30.0, reaching_rate = 90.0;      // λ, κ
-    double switching_force = 0.0, layer_thickness = 0.06;  // k_s, δ
-    double learning_frequency = 30.0;                      // ωₐ
-    double leak = 0.0, error_leak = 0.0;                   // ℓ, ℓ_s
+    double surface_gain = 30.0, reaching_rate = 90.0;       // λ, κ
+    double switching_force = 0.0, layer_thickness = 0.06;   // k_s, δ
+    double learning_frequency = 30.0;                       // ωₐ
+    double leak = 0.0, error_leak = 0.0;                    // ℓ, ℓ_s
     double prediction_rate = 5.0, prediction_weight = 0.0;  // β, g
     bool minimal = false, nominal_model = true;
     NetworkInputs inputs = NetworkInputs::measured;
@@ -101,22 +101,26 @@ struct Network {
     using Report = NetworkReport<T>;
     using Functions = Basis<T>;
 
+    struct Prediction {
+        T step{}, follows{}, weight{};  // h, 1 - e^(-β h), g
+        bool on = false;
+    };
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
         typename Saturation<T>::Coefficients saturation{};
         typename Feedforward<T>::Coefficients nominal{};
         typename Functions::Coefficients basis{};
+        Prediction prediction{};
         T surface_gain{}, reaching_gain{}, inverse_layer{}, most{};  // λ, κ, k_s/δ, k_s
         T rate{}, largest{}, inverse_largest{};                      // h ωₐ², M, 1/M
         T leak{}, error_leak{};                                      // -h ℓ, -h ℓ_s
         T keep{}, room{};                                            // e^(-h ℓ), 2 (0.8/h - κ)
-        T step{}, follows{}, weight{};                               // h, 1 - e^(-β h), g
-        bool minimal = false, of_reference = false, leaks_by_error = false, leaks = false, predicts = false;
+        bool minimal = false, of_reference = false, leaks_by_error = false, leaks = false;
     };
     struct State {
         typename Reference<T>::State reference{};
         std::array<Vec2<T>, Functions::most> weights{};
-        T gain{};            // θ
+        T gain{};             // θ
         Vec2<T> predicted{};  // m
         Kept<T, bool> predicts = false;
     };
@@ -130,6 +134,10 @@ struct Network {
                 .saturation = Saturation<T>::prepare(common.force_limit),
                 .nominal = Feedforward<T>::prepare(p.nominal_model ? common.nominal : PlantModel<double>{}),
                 .basis = Functions::prepare(p.basis, common.reference),
+                .prediction = {.step = T(h),
+                               .follows = T(follows),
+                               .weight = T(minimum(p.prediction_weight, most)),
+                               .on = p.prediction_weight > 0.0 && !p.minimal},
                 .surface_gain = T(p.surface_gain),
                 .reaching_gain = T(p.reaching_rate),
                 .inverse_layer = T(p.switching_force / p.layer_thickness),
@@ -141,14 +149,10 @@ struct Network {
                 .error_leak = T(-h * p.error_leak),
                 .keep = T(exponential(-h * p.leak)),
                 .room = T(maximum(2.0 * (0.8 / h - p.reaching_rate), 0.0)),
-                .step = T(h),
-                .follows = T(follows),
-                .weight = T(minimum(p.prediction_weight, most)),
                 .minimal = p.minimal,
                 .of_reference = p.inputs == NetworkInputs::reference,
                 .leaks_by_error = p.error_leak > 0.0,
-                .leaks = p.leak > 0.0 || p.error_leak > 0.0,
-                .predicts = p.prediction_weight > 0.0 && !p.minimal};
+                .leaks = p.leak > 0.0 || p.error_leak > 0.0};
     }
 
     static Report report(const State& state, const Coefficients& c) {
@@ -187,15 +191,16 @@ struct Network {
         const Vec2<T> learned = signals.report.learned =
             c.minimal ? -(T(0.5) * (state.gain * share)) * s : sum(state, c, phi);
         const Vec2<T> keeps = Feedforward<T>::force(c.nominal, there);
-        const Vec2<T> wanted = keeps - c.surface_gain * e.derivative -
-                               c.reaching_gain * s - clamp(c.inverse_layer * s, -c.most, c.most) + learned;
+        const Vec2<T> wanted = keeps - c.surface_gain * e.derivative - c.reaching_gain * s -
+                               clamp(c.inverse_layer * s, -c.most, c.most) + learned;
         // The weights move the force against s.
         const T active = Saturation<T>::apply(signals, c.saturation, wanted, s);
         state.predicts = state.predicts && missing == nullptr;
         if (missing == nullptr) {
             Vec2<T> learned_from = active * s;
-            if (c.predicts) {
-                learned_from = learned_from + c.weight * missed(state, c, e, signals.force - keeps - learned);
+            if (c.prediction.on) {
+                learned_from = learned_from +
+                               c.prediction.weight * missed(state, c.prediction, e, signals.force - keeps - learned);
             }
             learn(state, c, phi, square, share, learned_from, s);
         }
@@ -211,7 +216,7 @@ private:
         return force;
     }
     // z, of which the model forgets its share in a step under this acceleration.
-    static Vec2<T> missed(State& state, const Coefficients& c, const Sample<T>& error, const Vec2<T>& accelerates) {
+    static Vec2<T> missed(State& state, const Prediction& c, const Sample<T>& error, const Vec2<T>& accelerates) {
         if (!state.predicts) {
             state.predicted = error.derivative;
             state.predicts = true;

@@ -4,8 +4,8 @@
 //
 //        a new force is sent if  |u - u_sent| >= a + b |u_sent|  on either axis
 //
-//    What acts is within a + b |u_sent| of the law, a bounded disturbance more: below the noise of the law's own force,
-//    every step sends. Observer and filter know the force that was sent, and models within a law that of the law.
+//    The acting force is within a + b |u_sent| of that of the law, a bounded disturbance more: below the noise of the
+//    law's force, every step sends. Observer and filter know the sent force, and models within a law that of the law.
 //
 // Source: textbook; docs/decisions/0053.
 #pragma once
@@ -66,7 +66,7 @@ struct Triggered {
         return Controller::report(state.controller, c.controller);
     }
     static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
-    // What was sent still acts.
+    // The sent force still acts.
     static void start_over(State& state, bool keep_estimates) {
         Controller::start_over(state.controller, keep_estimates);
     }

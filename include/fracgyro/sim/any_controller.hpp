@@ -263,7 +263,7 @@ std::unique_ptr<AnyController<T>> behind_wrappers(AnyController<T>& controller, 
     return made;
 }
 
-// The controller with these parameters, and what is around it; for a device without velocity sensors, one that needs none
+// The controller with these parameters, and all around it; for a device without velocity sensors, one that needs none
 // or that will be put behind an observer (with_erased).
 template <Scalar T>
 std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {
