@@ -6,13 +6,13 @@ import re
 import unicodedata
 
 ACCENTS = {"\u0302": r"\hat", "\u0303": r"\tilde", "\u0304": r"\bar", "\u0307": r"\dot", "\u0308": r"\ddot"}
-LOWERED = dict(zip("₀₁₂₃₄ᵢ", "01234i", strict=True))
-RAISED = dict(zip("²³⁴⁻¹½ᵀ", ["2", "3", "4", "-", "1", "1/2", r"\mathsf{T}"], strict=True))
+LOWERED = dict(zip("₀₁₂₃₄ᵢₐ", "01234ia", strict=True))
+RAISED = dict(zip("²³⁴⁻⁺¹½ᵀ", ["2", "3", "4", "-", "+", "1", "1/2", r"\mathsf{T}"], strict=True))
 SIGNS = {">=": r"\ge ", "<=": r"\le ", "½": r"\tfrac{1}{2}", "·": r"\cdot ", "≈": r"\approx ", "≤": r"\le "}
 SIGNS |= {"≥": r"\ge ", "∫": r"\int ", "‖": r"\| ", "|": r"\vert ", "±": r"\pm ", "×": r"\times ", "→": r"\to "}
-SIGNS |= {"←": r"\gets ", "¼": r"\tfrac{1}{4}", "′": "′"}
+SIGNS |= {"←": r"\gets ", "¼": r"\tfrac{1}{4}", "′": "′", "∞": r"\infty ", "ℓ": r"\ell "}
 SIGNS |= {sign: f"\\{sign}" for sign in "%{}&#"}
-FUNCTIONS = {"sign", "sat", "sig", "reach", "sin", "cos", "exp", "max", "min", "LP", "Re", "Im"}
+FUNCTIONS = {"sign", "sat", "sig", "reach", "sin", "cos", "exp", "ln", "max", "min", "LP", "Re", "Im"}
 
 LETTER = r"[A-Za-z\u0370-\u03ff][\u0300-\u036f]*"
 DIGITS = f"[{''.join(LOWERED)}]"

@@ -171,6 +171,8 @@ def test_a_power_is_refused_in_one_sentence_where_the_point_is_fixed() -> None:
     assert "\n" not in str(report.value)
     with pytest.raises(ValueError, match=r"^controller\.kind is 'nonsingular_terminal': .* powers other than"):
         trace(SHORT.replace({"controller.kind": "nonsingular_terminal"}), "fixed")
+    with pytest.raises(ValueError, match=r"^controller\.kind is 'prescribed': .* exponentials and logarithms"):
+        trace(SHORT.replace({"controller.kind": "prescribed"}), "fixed")
 
 
 def test_a_steady_step_has_no_operation_twice_and_none_that_nobody_needs() -> None:

@@ -30,6 +30,8 @@ const INPUTS = 11; // numbers of a sample that a law is given
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 // Numbers of the datasheet that the filter of the measured motions needs.
 const FILTERED = ["force_noise", "position_noise", "velocity_noise", "delay"];
+// Numbers of the event trigger.
+const TRIGGER = ["event_threshold", "event_share"];
 
 const channelOf = (column) => column.split(/[.[]/)[0];
 
@@ -213,10 +215,15 @@ class Fracgyro {
     const prepared = await this.#prepare(scenario, changes, law);
     const { core, settings, observed } = prepared;
     const reported = law ? law.columns : prepared.reported;
-    if (law && settings["controller.filter"] !== "none") {
-      throw new RangeError(`controller.filter is ${settings["controller.filter"]}: with a law of your own it is none`);
+    const without = { filter: "none", ...Object.fromEntries(TRIGGER.map((name) => [name, 0])) };
+    for (const [name, off] of law ? Object.entries(without) : []) {
+      const value = settings[`controller.${name}`];
+      if (value !== off) {
+        throw new RangeError(`controller.${name} is ${value}: with a law of your own it is ${off}`);
+      }
     }
-    const device = observed || settings["controller.filter"] === "kalman" || "device" in scenario;
+    const around = prepared.sensing.some((number) => number > 0);
+    const device = observed || around || "device" in scenario;
     const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const width = columns.length;
     const buffer = core.room_for(BUFFERED * width) >>> 0;
@@ -287,7 +294,9 @@ class Fracgyro {
     const filter = settings["controller.filter"];
     const bandwidth = settings["controller.observer_bandwidth"];
     const assumed = FILTERED.map((name) => settings[`datasheet.${name}`] ?? scenario.assumed?.[name] ?? 0);
-    const sensing = [observed ? bandwidth : 0, ...(filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0])];
+    const filters = filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0];
+    const trigger = TRIGGER.map((name) => settings[`controller.${name}`]);
+    const sensing = [observed ? bandwidth : 0, ...filters, ...trigger];
     const placed = (numbers) => {
       const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
       core.doubles(at, numbers.length).set(numbers);

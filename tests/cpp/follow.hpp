@@ -1,7 +1,7 @@
 // A loop of a controller with stated noise and the paper's plant, in which noise, delay and missing samples are known.
 #pragma once
 
-#include "fracgyro/control/datasheet.hpp"
+#include "fracgyro/control/common.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 
 #include <cmath>
@@ -16,7 +16,13 @@ constexpr double pi = std::numbers::pi, h = 1e-3, noise = 7.07e-5;
 // The paper's plant, 5 % stiffer than the nominal one.
 template <class Params>
 struct CaseOf {
-    Params law{.datasheet = {.force_noise = 1.0, .position_noise = noise, .velocity_noise = noise}};
+    Params law = [] {
+        Params p{};
+        if constexpr (requires { p.datasheet; }) {
+            p.datasheet = {.force_noise = 1.0, .position_noise = noise, .velocity_noise = noise};
+        }
+        return p;
+    }();
     Common common{.step = h};
     GyroscopeParams plant{.damping = {0.01, 0.002, 0.01}, .stiffness = {355.3, 70.99, 532.9}, .rate = 0.1};
     double force_noise = 0.0, sensor_noise = 0.0;

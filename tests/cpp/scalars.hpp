@@ -29,6 +29,8 @@ public:
     friend Explicit power(Explicit base, Explicit exponent) {
         return Explicit(fracgyro::power(base.value_, exponent.value_));
     }
+    friend Explicit exponential(Explicit a) { return Explicit(fracgyro::exponential(a.value_)); }
+    friend Explicit logarithm(Explicit a) { return Explicit(fracgyro::logarithm(a.value_)); }
 
 private:
     double value_ = 0.0;

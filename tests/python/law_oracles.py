@@ -115,3 +115,238 @@ class Pid:
         if (wanted - force) @ e >= 0:
             self.integral = self.integral + self.h * c.integral_frequency * square * e
         return np.asarray(force)
+
+
+class Laws:
+    """The estimated plant, which the laws (44) move."""
+
+    def __init__(self, scenario: fg.Scenario) -> None:
+        self.gains, self.h = scenario.adaptation, scenario.run.step
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
+        self.adaptive = scenario.controller.adaptive
+
+    def force(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        return np.asarray((self.damping + self.coriolis) @ velocity + self.stiffness @ position)
+
+    def learn(self, position: np.ndarray, velocity: np.ndarray, s: np.ndarray) -> None:
+        if self.adaptive:
+            turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+            moves, holds = np.outer(velocity, s), np.outer(position, s)
+            self.damping = self.damping - self.h * self.gains.damping_gain / 2 * (moves + moves.T)
+            self.stiffness = self.stiffness - self.h * self.gains.stiffness_gain / 2 * (holds + holds.T)
+            self.coriolis = self.coriolis + 2 * self.h * self.gains.rate_gain * (moves[1, 0] - moves[0, 1]) * turn
+
+
+class Backstepping:
+    """The kind `linear` with all its options, for a known plant, as backstepping is written: z2 = v - alpha."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.plant, self.bound = Laws(scenario), np.array(scenario.adaptation.initial_bound)
+        self.integral, self.asked, self.offset, self.reached = np.zeros(2), None, np.zeros(2), 0
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h = self.c, self.h
+        q, v, r = np.array(s.position), np.array(s.velocity), np.array(s.reference)
+        z1, de = q - r, v - np.array(s.reference_velocity)
+        asks = np.array(s.reference_velocity) - c.fractional_gain * z1 - c.error_integral * self.integral
+        moves = np.array(s.reference_acceleration) - c.fractional_gain * de - c.error_integral * z1
+        if self.asked is None:
+            self.asked = asks
+            self.offset = v - asks if c.start_rate > 0 else self.offset
+        follows = 1 - np.exp(-h / c.surface_filter) if c.surface_filter > 0 else 1.0
+        alpha = asks
+        if c.surface_filter > 0:
+            alpha, moves = self.asked, follows / h * (asks - self.asked)
+        decays = 1 - np.exp(-c.start_rate * h)
+        z2 = v - alpha - self.offset
+        moves = moves - decays / h * self.offset
+        rho = self.bound @ [1, np.linalg.norm(q), np.linalg.norm(v)]
+        switching = rho * z2 / max(np.linalg.norm(z2), c.layer_thickness)
+        wanted = self.plant.force(q, v) + moves - c.coupling * z1 - switching
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.asked = self.asked + follows * (asks - self.asked)
+        self.offset = self.offset - decays * self.offset
+        if (wanted - force) @ z1 >= 0:
+            self.integral = self.integral + h * z1
+        return np.asarray(force)
+
+
+class DynamicSliding:
+    """The force of a step from sigma at its end, which the reaching law gives."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held, self.laws = held_points(scenario), Laws(scenario)
+        self.force, self.reached = np.zeros(2), 0
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h, laws = self.c, self.h, self.laws
+        q, v = np.array(s.position), np.array(s.velocity)
+        e, de = q - np.array(s.reference), v - np.array(s.reference_velocity)
+        position, velocity, acceleration = self.held[:, round(s.time / h)]
+        along = laws.force(position, velocity) + acceleration
+        damper, spring = c.surface_gain + c.reaching_rate, c.surface_gain * c.reaching_rate
+        before = self.force - laws.force(e, de)
+        sigma = before + damper * de + spring * e
+        keeps = np.exp(-c.force_bandwidth * h)
+        switches = keeps * (1 - np.exp(-c.switching_rate * h / c.switching_layer)) * sigma
+        left = keeps * sigma - np.clip(switches, -c.switching_rate * h, c.switching_rate * h)
+        # The acceleration a of the coming step: w - f+ + damper (de + h a) + spring (e + h de + h^2/2 a) = left, with
+        # w = a + f and the force f+ of the plant at the end by the acceleration before.
+        grows = laws.force(h * de + h * h / 2 * before, h * before)
+        now = (left + grows - damper * de - spring * (e + h * de)) / (1 + h * damper + h * h / 2 * spring)
+        wanted = along + now + laws.force(e, de)
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.force = force - along
+        if (wanted - force) @ sigma >= 0:
+            laws.learn(q, v, de + c.surface_gain * e)
+        return np.asarray(force)
+
+
+class FixedTime:
+    """The held reaching step by its root in sqrt|s|."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held, self.laws = held_points(scenario), Laws(scenario)
+        self.reached = 0
+
+    def taken(self, size: float) -> float:
+        """The rate at which |s| falls in a step."""
+        c, h, root = self.c, self.h, np.sqrt(size)
+        if c.reaching == "explicit":
+            return float(c.near_reaching * root + c.far_reaching * root**3)
+        roots = np.roots([h / 2 * c.far_reaching, 1.0, h / 2 * c.near_reaching - root])
+        return float((size - max(roots.max(), 0.0) ** 2) / h)
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, laws = self.c, self.laws
+        q, v, r, dr = (np.array(x) for x in (s.position, s.velocity, s.reference, s.reference_velocity))
+        e, de = q - r, v - dr
+        position, velocity, acceleration = self.held[:, round(s.time / self.h)]
+        size = np.maximum(np.abs(e), c.near_floor)
+        surface = de + np.sign(e) * (
+            c.near_gain * np.abs(e) ** c.near_exponent + c.far_gain * np.abs(e) ** c.far_exponent
+        )
+        slope = c.near_gain * c.near_exponent * size ** (c.near_exponent - 1)
+        slope = slope + c.far_gain * c.far_exponent * np.abs(e) ** (c.far_exponent - 1)
+        reach = np.sign(surface) * [self.taken(abs(one)) for one in surface]
+        wanted = laws.force(q + position - r, v + velocity - dr) + acceleration - slope * de - reach
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        if (wanted - force) @ surface >= 0:
+            laws.learn(q, v, surface)
+        return np.asarray(force)
+
+
+class Prescribed:
+    """The derivative of the velocity that it follows by a difference, and the bound in closed form."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held, self.laws = held_points(scenario), Laws(scenario)
+        self.xi = max(self.c.barrier_scale, 2 * self.h / self.c.bound_final)
+        self.reached, self.widened = 0, 0
+
+    def epsilon(self, e: np.ndarray, rho: np.ndarray, course: np.ndarray) -> np.ndarray:
+        return np.asarray(np.arctanh(np.clip(e / rho, -1 + 2**-10, 1 - 2**-10)) / (self.xi * course / rho))
+
+    def follows(self, e: np.ndarray, rho: np.ndarray, course: np.ndarray) -> np.ndarray:
+        """alpha less the velocity of the reference."""
+        c, epsilon = self.c, self.epsilon(e, rho, course)
+        phi = 2**-0.75 * c.barrier_root * np.sign(epsilon) * np.sqrt(np.abs(epsilon)) + c.barrier_cube / 4 * epsilon**3
+        barrier = self.xi * course * (1 - (e / rho) ** 2)
+        return np.asarray(-c.bound_rate * (1 - c.bound_final / rho) * e - barrier * phi)
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, laws, h = self.c, self.laws, self.h
+        q, v, r, dr = (np.array(x) for x in (s.position, s.velocity, s.reference, s.reference_velocity))
+        e, de, n = q - r, v - dr, round(s.time / h)
+        if n == 0:
+            self.first = self.rho = np.maximum(1.2 * np.abs(e), c.bound_start)
+        course = c.bound_final + (self.first - c.bound_final) * np.exp(-c.bound_rate * s.time)
+        self.rho = np.where(np.abs(e) > (1 - 2**-10) * self.rho, 1.2 * np.abs(e), self.rho)
+        self.widened += bool(np.any(self.rho > 1.01 * course))
+        fall = -c.bound_rate * (self.rho - c.bound_final), -c.bound_rate * (course - c.bound_final)
+        small = 1e-7
+        ends = [self.follows(e + t * de, self.rho + t * fall[0], course + t * fall[1]) for t in (-small, small)]
+        z = de - self.follows(e, self.rho, course)
+        barrier = np.maximum(self.xi * course * (1 - (e / self.rho) ** 2), 2 * h)
+        damps = (
+            c.damper * np.abs(z) + 2**-0.75 * c.damper_root * np.sqrt(np.abs(z)) + c.damper_cube / 4 * np.abs(z) ** 3
+        )
+        turns = (ends[1] - ends[0]) / (2 * small) - self.epsilon(e, self.rho, course) / barrier
+        position, velocity, acceleration = self.held[:, n]
+        wanted = laws.force(q + position - r, v + velocity - dr) + acceleration + turns
+        wanted = wanted - np.sign(z) * np.minimum(damps, np.abs(z) / h)
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.rho = c.bound_final + np.exp(-c.bound_rate * h) * (self.rho - c.bound_final)
+        self.rho = np.where(force != wanted, np.maximum(self.rho, 1.2 * np.abs(e)), self.rho)
+        if (wanted - force) @ z >= 0:
+            laws.learn(q, v, z)
+        return np.asarray(force)
+
+
+class Network:
+    """The basis functions of the paper's reference, whose amplitudes are 1: positions, then velocities."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.held = held_points(scenario)
+        self.damping, self.coriolis, self.stiffness = nominal(scenario)
+        reference = scenario.reference
+        self.frequency, self.phase = np.array(reference.frequency), np.array(reference.phase)
+        nodes, period = int(self.c.nodes), 2 * np.pi / self.frequency.min()
+        self.centers = self.orbit(np.arange(nodes) / nodes * period)
+        if self.c.layout == "diagonal":
+            self.centers = np.linspace(-1, 1, nodes)[:, None] * np.ones(4)
+        on_orbit = [self.phi(x) for x in self.orbit(np.arange(256) / 256 * period)]
+        self.largest = max(phi @ phi for phi in on_orbit)
+        self.rate = self.h * min(self.c.learning_frequency**2, 0.9 * self.c.reaching_rate / self.h)
+        self.weights, self.theta, self.reached = np.zeros((len(on_orbit[0]), 2)), 0.0, 0
+        follows = (1 - np.exp(-self.h * self.c.prediction_rate)) / self.h
+        most = max(follows * (0.9 / self.rate - 1 / self.c.reaching_rate), 0.0)
+        self.weight, self.model = 0.0 if self.c.minimal else min(self.c.prediction_weight, most), None
+
+    def orbit(self, time: np.ndarray) -> np.ndarray:
+        angle = self.frequency * time[:, None] + self.phase
+        return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
+
+    def phi(self, x: np.ndarray) -> np.ndarray:
+        if self.c.basis == "gaussian":
+            return np.asarray(np.exp(-((x - self.centers) ** 2).sum(axis=1) / (2 * self.c.node_width**2)))
+        if self.c.basis == "chebyshev":
+            angle = np.arccos(np.clip(x, -1, 1))
+            return np.concatenate([[1.0], *(np.cos(k * angle) for k in range(1, int(self.c.polynomial_degree) + 1))])
+        return np.array([1.0, *x] if self.c.basis == "linear" else [1.0])
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h = self.c, self.h
+        e = np.array(s.position) - np.array(s.reference)
+        de = np.array(s.velocity) - np.array(s.reference_velocity)
+        position, velocity, acceleration = self.held[:, round(s.time / h)]
+        q, v = position + e, velocity + de
+        surface = de + c.surface_gain * e
+        seen = (position, velocity) if c.network_inputs == "reference" else (q, v)
+        phi = self.phi(np.concatenate([seen[0], seen[1] / self.frequency]))
+        share = min(phi @ phi / self.largest, 1.0)
+        learned = -self.theta * share / 2 * surface if c.minimal else phi @ self.weights
+        model = (self.damping + self.coriolis) @ v + self.stiffness @ q if c.model else 0.0
+        switching = c.switching_force * np.clip(surface / c.surface_layer, -1, 1)
+        wanted = model + acceleration - c.surface_gain * de - c.reaching_rate * surface - switching + learned
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        active, norm = float((wanted - force) @ surface >= 0), np.linalg.norm(surface)
+        self.theta = self.theta * np.exp(-h * c.weight_leak) + active * self.rate * share * norm**2 / 2
+        self.theta = min(self.theta, 2 * (0.8 / h - c.reaching_rate))
+        keep = np.exp(-h * (c.weight_leak + c.error_leak * norm))
+        missed = np.zeros(2) if self.model is None else de - self.model
+        # z decays by beta, and the acceleration under the acting force is what the network makes of it.
+        self.model = de - np.exp(-h * c.prediction_rate) * missed + h * (force - model - acceleration - learned)
+        learns = active * surface + self.weight * missed
+        self.weights = keep * self.weights - self.rate / max(phi @ phi, self.largest) * np.outer(phi, learns)
+        return np.asarray(force)

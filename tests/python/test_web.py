@@ -105,6 +105,9 @@ SCENARIOS = {
     "sliding mode behind the filter of positions": SHORT.replace(
         {"controller.filter": "kalman", "device.sensing": "position", "device.position_noise": 1e-11, "device.delay": 1}
     ),
+    "PID whose force is sent by events": SHORT.replace(
+        {"controller.kind": "pid", "controller.event_threshold": 5.0, "controller.event_share": 0.02}
+    ),
     **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
     "disturbances that add up": LIST,
     "integer order": SHORT.replace({"controller.order": 1.0}),

@@ -14,6 +14,8 @@ namespace fracgyro {
 
 // The tracer refuses whatever calls it.
 inline HardwareFixed power(HardwareFixed /*base*/, HardwareFixed /*exponent*/) { std::abort(); }
+inline HardwareFixed exponential(HardwareFixed /*a*/) { std::abort(); }
+inline HardwareFixed logarithm(HardwareFixed /*a*/) { std::abort(); }
 
 }  // namespace fracgyro
 

@@ -314,7 +314,9 @@ int main(int count, char** words) {
         }
     }
     if (recorder().powers) {
-        std::fprintf(stderr, "powers other than the square root are not computed with a fixed point\n");
+        std::fprintf(
+            stderr,
+            "powers other than the square root, exponentials and logarithms are not computed with a fixed point\n");
         return 2;
     }
     write(tracer);

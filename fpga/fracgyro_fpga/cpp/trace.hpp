@@ -100,7 +100,7 @@ struct Recorder {
     std::size_t place = 0;
     std::map<int, bool> answered;
     std::vector<Bounds> bounds;
-    bool powers = false;  // something was raised to one
+    bool powers = false;  // there was one, an exponential or a logarithm
 
     bool decide(const Predicate& predicate) {
         const int number = predicates.of(predicate);
@@ -326,12 +326,24 @@ struct Flag {
 // The factor from a remainder to radians. A fixed-point remainder is in the last places of its word.
 constexpr double radians = is_fixed ? HardwareFixed::radians_of_remainder : 6.28318530717958647693 / 0x1p32;
 
-// Hardware with a fixed point does not compute powers.
+// Hardware with a fixed point does not compute powers, exponentials and logarithms.
 template <std::same_as<Traced> T>
     requires is_fixed
 T power(T base, T /*exponent*/) {
     recorder().powers = true;
     return base;
+}
+template <std::same_as<Traced> T>
+    requires is_fixed
+T exponential(T a) {
+    recorder().powers = true;
+    return a;
+}
+template <std::same_as<Traced> T>
+    requires is_fixed
+T logarithm(T a) {
+    recorder().powers = true;
+    return a;
 }
 
 // A phase of the reference: start + increment·word, modulo 2^64.

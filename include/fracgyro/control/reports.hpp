@@ -27,6 +27,18 @@ struct PlantReport {
     }
 };
 
+// The estimated plant and a sliding surface.
+template <Scalar T>
+struct SlidingReport : PlantReport<T> {
+    Vec2<T> surface{};
+
+    static constexpr auto fields() {
+        using R = SlidingReport;
+        return std::tuple_cat(std::tuple{momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s"))},
+                              PlantReport<T>::fields());
+    }
+};
+
 // Quality of the rate estimate.
 template <class R>
 constexpr auto rate_quality_fields() {

@@ -18,4 +18,9 @@ constexpr auto surface_gain_field(Member member) {
                  "lambda, unit omega0, > 0: decay of e on the surface s = de/dt + lambda e.");
 }
 
+template <class Member>
+constexpr auto reaching_rate_field(Member member) {
+    return field("reaching_rate", member, "omega0", above_0, "kappa, unit omega0, > 0: decay of s.");
+}
+
 }  // namespace fracgyro

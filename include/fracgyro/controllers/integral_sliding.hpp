@@ -32,7 +32,7 @@ struct IntegralSlidingParams {
         using P = IntegralSlidingParams;
         return std::tuple{
             surface_gain_field(&P::surface_gain),
-            field("reaching_rate", &P::reaching_rate, "omega0", above_0, "kappa, unit omega0, > 0: decay of s."),
+            reaching_rate_field(&P::reaching_rate),
             field("integral_rate", &P::integral_rate, "omega0", at_least_0,
                   "omega_i, unit omega0: integral action grows by omega_i kappa s. 0.0: off."),
             field("disturbance_observer", &P::observer_frequency, "omega0", at_least_0,

@@ -3,13 +3,17 @@
 
 #include "fracgyro/controllers/conventional.hpp"
 #include "fracgyro/controllers/disturbance_rejection.hpp"
+#include "fracgyro/controllers/dynamic_sliding.hpp"
+#include "fracgyro/controllers/fixed_time.hpp"
 #include "fracgyro/controllers/integral_sliding.hpp"
 #include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/controllers/least_squares_pid.hpp"
 #include "fracgyro/controllers/lqg.hpp"
+#include "fracgyro/controllers/network.hpp"
 #include "fracgyro/controllers/nonsingular_terminal.hpp"
 #include "fracgyro/controllers/park_horowitz.hpp"
 #include "fracgyro/controllers/pid.hpp"
+#include "fracgyro/controllers/prescribed.hpp"
 #include "fracgyro/controllers/resonant.hpp"
 #include "fracgyro/controllers/sliding_mode.hpp"
 #include "fracgyro/controllers/super_twisting.hpp"
@@ -51,6 +55,10 @@ using Registry = std::tuple<
     Entry<"pid", One<Pid>, "PID with feedforward of the nominal plant">,
     Entry<"resonant", One<Resonant>, "PID with resonators at the frequencies of the reference">,
     Entry<"integral_sliding", One<IntegralSliding>, "integral sliding mode with a disturbance observer">,
+    Entry<"dynamic", One<DynamicSliding>, "adaptive dynamic sliding mode: the rate of the force switches">,
+    Entry<"fixed_time", One<FixedTime>, "adaptive fixed-time sliding mode">,
+    Entry<"prescribed", One<Prescribed>, "prescribed performance: a barrier at a bound that shrinks">,
+    Entry<"network", One<Network>, "sliding mode with a network that learns what the model lacks">,
     Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">,
     Entry<"nonsingular_terminal", One<NonsingularTerminal>, "adaptive nonsingular (fast) terminal sliding mode">,
     Entry<"park_horowitz", One<ParkHorowitz>, "adaptive control of Park and Horowitz">,

@@ -37,14 +37,12 @@ struct SuperTwistingParams {
 };
 
 template <Scalar T>
-struct SuperTwistingReport : PlantReport<T> {
-    Vec2<T> surface{};
+struct SuperTwistingReport : SlidingReport<T> {
     Vec2<T> integral{};  // w
 
     static constexpr auto fields() {
         using R = SuperTwistingReport;
-        return std::tuple_cat(std::tuple{momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s"))},
-                              PlantReport<T>::fields(),
+        return std::tuple_cat(SlidingReport<T>::fields(),
                               std::tuple{channel("twisting_integral", &R::integral, "m*omega0^2*q0",
                                                  "integral w of the super-twisting law")});
     }
@@ -74,7 +72,7 @@ struct SuperTwisting {
     }
 
     static Report report(const State& state, const Coefficients& c) {
-        return {Base::report(state.base, c.base), {}, state.integral};
+        return {{Base::report(state.base, c.base)}, state.integral};
     }
     static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.base.reference.steps; }

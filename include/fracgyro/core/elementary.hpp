@@ -177,23 +177,29 @@ T power(T base, T exponent) {
 
 // e^x, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result would
 // leave the normal range, and the maximum normal power of two for x above some 709 or 88.
-template <std::floating_point T>
+template <Scalar T>
+    requires requires { typename detail::Bits<T>::Value; }
 T exponential(T x) {
-    constexpr T high = detail::Bits<T>::ln2_high, low = detail::Bits<T>::ln2_low;
-    constexpr T smallest = static_cast<T>(-0.6931 * (detail::Bits<T>::bias - 2));
-    constexpr T largest = static_cast<T>(0.6931 * detail::Bits<T>::bias);
-    const T within = minimum(maximum(x, smallest), largest);
-    const T k = detail::round_to_nearest(within * static_cast<T>(1.44269504088896340736));
-    const T part = ((within - k * high) - k * low) * static_cast<T>(1.44269504088896340736);
-    return x < smallest ? T(0) : detail::exp2_split(k, part);
+    using B = detail::Bits<T>;
+    using Value = typename B::Value;
+    constexpr Value smallest = static_cast<Value>(-0.6931 * (B::bias - 2));
+    constexpr Value largest = static_cast<Value>(0.6931 * B::bias);
+    constexpr Value per_two = static_cast<Value>(1.44269504088896340736);
+    const T within = minimum(maximum(x, T(smallest)), T(largest));
+    const T k = detail::round_to_nearest(within * T(per_two));
+    const T part = ((within - k * T(B::ln2_high)) - k * T(B::ln2_low)) * T(per_two);
+    return if_less(x, T(smallest), T(Value(0)), detail::exp2_split(k, part));
 }
 
 // ln x for a normal x > 0, within a few units in the last place, also near x = 1.
-template <std::floating_point T>
+template <Scalar T>
+    requires requires { typename detail::Bits<T>::Value; }
 T logarithm(T x) {
+    using B = detail::Bits<T>;
     T k{};
     const T l = detail::log2_split(x, k);
-    return k * detail::Bits<T>::ln2_high + (k * detail::Bits<T>::ln2_low + l * static_cast<T>(0.69314718055994530942));
+    const T rest = k * T(B::ln2_low) + l * T(static_cast<typename B::Value>(0.69314718055994530942));
+    return k * T(B::ln2_high) + rest;
 }
 
 // ln(1 + x) for x > -1. A factor corrects the rounding of 1 + x (Kahan).

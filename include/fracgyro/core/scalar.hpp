@@ -13,9 +13,9 @@
 namespace fracgyro {
 
 // Requirements of a number for simulation. A wrapper around a floating-point type qualifies if it has the operators
-// below, an explicit constructor from double and its own overloads of square_root and power. A type that holds several
-// numbers, whose a < b does not have a single answer, also overloads if_less, always_less and the functions made from
-// them (include/fracgyro/sim/lanes.hpp).
+// below, an explicit constructor from double and its own overloads of square_root and power; a few controllers also
+// need its exponential or logarithm. A type that holds several numbers, whose a < b does not have a single answer, also
+// overloads if_less, always_less and the functions made from them (include/fracgyro/sim/lanes.hpp).
 template <class T>
 concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requires(T a, T b) {
     { a + b } -> std::same_as<T>;

@@ -54,6 +54,38 @@ INTEGRAL = (
     Gain("controller.integral_rate", 0.01, 500.0, below="0 is the law without it"),
     Gain("controller.disturbance_observer", 3.0, 400.0, above=LATE),
 )
+DYNAMIC = (
+    Gain("controller.surface_gain", 3.0, 600.0),
+    Gain("controller.reaching_rate", 3.0, 600.0),
+    Gain("controller.force_bandwidth", 10.0, 800.0, above="0.8 over the step"),
+)
+FIXED_TIME = (
+    Gain("controller.near_gain", 0.1, 300.0, below="0 is the law without it"),
+    Gain("controller.far_gain", 0.1, 300.0, below="0 is the law without it"),
+    Gain("controller.near_exponent", 0.4, 0.95, log=False, below="the loop magnifies rounding", above="1 is linear"),
+    Gain("controller.far_exponent", 1.05, 1.95, log=False, below="1 is linear", above="2 is the range of the field"),
+    Gain("controller.near_reaching", 0.1, 3000.0),
+    Gain("controller.far_reaching", 1.0, 3000.0),
+)
+PRESCRIBED = (
+    Gain("controller.bound_final", 1e-3, 0.5),
+    Gain("controller.bound_rate", 0.1, 20.0),
+    Gain("controller.barrier_scale", 2e-3, 50.0, below="the step raises it"),
+    Gain("controller.damper_root", 0.01, 1000.0, below="0 is the law without it"),
+    Gain("controller.damper_cube", 0.01, 1e4, below="0 is the law without it"),
+    Gain("controller.damper", 10.0, 800.0, above="0.8 over the step"),
+)
+NETWORK = (
+    Gain("controller.surface_gain", 3.0, 600.0),
+    Gain("controller.reaching_rate", 10.0, 800.0, above="0.8 over the step"),
+    Gain("controller.learning_frequency", 1.0, 150.0, above=LATE),
+    Gain("controller.weight_leak", 1e-4, 3.0, below="0 is the law without it"),
+)
+PREDICTION = (
+    Gain("controller.prediction_rate", 3.0, 800.0),
+    Gain("controller.prediction_weight", 0.01, 100.0, below="0 is the law without it"),
+)
+WIDTH = Gain("controller.node_width", 0.2, 3.0, above="the nodes are nearly one constant")
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -62,6 +94,12 @@ TWISTING = (
 
 ORIGINAL = "Complexity 2020, 8542961"
 BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004 (from memory)"
+CASCADED = "doi 10.3390/mi12020190 (abstract read); docs/decisions/0053"
+POLYAKOV = "Polyakov 2012, doi 10.1109/TAC.2011.2179869 (from memory); docs/decisions/0053"
+BOUNDED = "2023, doi 10.1049/cth2.12484 (abstract and code read); docs/decisions/0053"
+NEURAL = "doi 10.1155/2014/159047 (abstract read); docs/decisions/0053"
+COMPOSITE = "doi 10.1109/TNNLS.2019.2919931 (abstract read); docs/decisions/0053"
+STEPPED = "doi 10.3390/mi9070338 (abstract read); docs/decisions/0053"
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
@@ -278,6 +316,62 @@ UNFILTERED = (
         kind("disturbance_rejection") | {"controller.nominal_model": True},
         ESO,
         classes=("P",),
+    ),
+    Contender(
+        "dynamic",
+        "adaptive dynamic sliding mode",
+        CASCADED,
+        kind("dynamic"),
+        (*DYNAMIC, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "fixed_time",
+        "adaptive fixed-time sliding mode",
+        POLYAKOV,
+        kind("fixed_time"),
+        (*FIXED_TIME, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "prescribed",
+        "prescribed performance on the nominal plant",
+        BOUNDED,
+        kind("prescribed") | {"controller.adaptive": False},
+        PRESCRIBED,
+        observer=OBSERVER,
+    ),
+    *(
+        Contender(
+            name,
+            f"sliding mode with {words}",
+            NEURAL,
+            kind("network") | {"controller.basis": basis},
+            (*NETWORK, *more),
+            observer=OBSERVER,
+        )
+        for name, basis, words, more in (
+            ("network", "gaussian", "a network of 16 Gaussian nodes on the orbit", (WIDTH,)),
+            ("network_constant", "constant", "a network of one constant node: an integral", ()),
+            ("network_chebyshev", "chebyshev", "Chebyshev polynomials of degree 2", ()),
+        )
+    ),
+    Contender(
+        "network_predicted",
+        "that network with 16 nodes, which also learns from a prediction",
+        COMPOSITE,
+        kind("network"),
+        (*NETWORK, WIDTH, *PREDICTION),
+        observer=OBSERVER,
+        contains=(Contained("network", {PREDICTION[1].field: PREDICTION[1].low}),),
+    ),
+    Contender(
+        "backstepping",
+        "adaptive backstepping: the linear surface with one term more",
+        STEPPED,
+        kind("linear") | STABLE | {"controller.coupling": 1.0},
+        (LINEAR_GAIN, LAYER, RHO, LAWS),
+        observer=OBSERVER,
     ),
 )
 

@@ -29,6 +29,8 @@ EXPONENTS = {
     "gamma1": "position_exponent",
     "gamma2": "velocity_exponent",
     "rho": "reaching_exponent",
+    "mu": "near_exponent",
+    "nu": "far_exponent",
 }
 
 
