@@ -712,11 +712,14 @@ def test_a_law_that_returns_no_force_ends_the_run_with_one_sentence(module: Path
     }}
     const filtered = fracgyro.simulate(own, {{ "controller.filter": "kalman" }}, {{ law: law() }});
     await filtered.catch((error) => console.log(error.message));
+    const sent = fracgyro.simulate(own, {{ "controller.event_threshold": 3 }}, {{ law: law() }});
+    await sent.catch((error) => console.log(error.message));
     const loop = await fracgyro.loop(own, {{}}, {{ law: law() }});
     try {{ loop.state; }} catch (error) {{ console.log(error.message); }}
     """
-    *found, filtered, state = in_node(module, tmp_path, LEARNING + code).splitlines()
+    *found, filtered, sent, state = in_node(module, tmp_path, LEARNING + code).splitlines()
     for said, sentence in zip(found, WRONG_LAWS.values(), strict=True):
         assert said.startswith(sentence)
     assert filtered == "controller.filter is kalman: with a law of your own it is none"
+    assert sent == "controller.event_threshold is 3: with a law of your own it is 0"
     assert state == "state cannot be saved or set: the memory of a law of your own is not in it"
