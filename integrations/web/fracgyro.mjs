@@ -84,7 +84,7 @@ class Fracgyro {
       if (law) {
         throw new RangeError("state cannot be saved or set: the memory of a law of your own is not in it");
       }
-      return new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
+      return core.bytes(core.loop_saved(), core.loop_saved_size());
     };
     const checked = (before, changes) => this.#checked(before, changes);
     const isFixed = (name) => this.fields[name].fixed;
@@ -136,9 +136,9 @@ class Fracgyro {
         core.loop_kick(...velocity);
       },
       get state() {
-        const own = saved();
+        saved(); // refuses a law
         core.loop_save();
-        const content = joined(utf8(`${JSON.stringify(settings, toJson)}\n`), own);
+        const content = joined(utf8(`${JSON.stringify(settings, toJson)}\n`), saved());
         return joined(key, bytesOf(checksum(content)), content);
       },
       set state(bytes) {
@@ -171,7 +171,7 @@ class Fracgyro {
     core.controller_start(single);
     const number = single ? "float" : "double";
     const key = utf8(`fracgyro ${this.version} controller 2 ${core.controller_key() >>> 0} ${number}\n`);
-    const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
+    const saved = () => core.bytes(core.controller_saved(), core.controller_saved_size());
     return {
       step(position, velocity) {
         const motion = [...position, ...(observed ? [0, 0] : velocity)];
@@ -449,8 +449,12 @@ class Core {
   constructor(instance) {
     Object.assign(this, instance.exports);
   }
+  // Valid until the memory grows.
   doubles(at, count) {
     return new Float64Array(this.memory.buffer, at, count);
+  }
+  bytes(at, count) {
+    return new Uint8Array(this.memory.buffer, at, count);
   }
 }
 
