@@ -119,7 +119,7 @@ void operator delete(void* at) noexcept {
     }
 }
 void operator delete(void* at, std::size_t) noexcept { operator delete(at); }
-// Of abstract classes, in place of that of the C++ library.
+// The C++ library, which is not linked, has this for abstract classes.
 extern "C" void __cxa_pure_virtual() { __builtin_trap(); }
 
 #define EXPORT extern "C" [[gnu::visibility("default")]]
