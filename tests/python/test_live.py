@@ -1043,14 +1043,19 @@ def test_a_function_that_came_with_the_address_runs_only_when_asked(browser: Any
         assert page.input_value("#code") == RESTING
 
 
-def star(page: Any, send: Any) -> None:
-    """A figure with three lobes, drawn from its right end on."""
+def lobes(angle: Any) -> Any:
+    """Radius of a figure without symmetry."""
+    return 60.0 + 15.0 * np.cos(3.0 * angle) + 10.0 * np.sin(angle)
+
+
+def draw_lobes(page: Any, send: Any) -> None:
+    """Moves the pointer along them, from the right end on."""
     page.evaluate("document.getElementById('draw').scrollIntoView({ block: 'end' })")
     box = page.locator("#draw").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     for i in range(61):
         angle = np.pi * i / 30.5
-        radius = 60.0 + 20.0 * np.cos(3.0 * angle)
+        radius = lobes(angle)
         send(i, float(x + radius * np.cos(angle)), float(y - radius * np.sin(angle)))
 
 
@@ -1065,7 +1070,7 @@ def test_a_figure_that_is_drawn_is_followed(browser: Any, address: str, way: str
                 if i == 0:
                     page.mouse.down()
 
-            star(page, send)
+            draw_lobes(page, send)
             page.mouse.up()
         else:
             tablet = page.context.new_cdp_session(page)
@@ -1074,15 +1079,15 @@ def test_a_figure_that_is_drawn_is_followed(browser: Any, address: str, way: str
                 kind = "touchStart" if i == 0 else "touchMove"
                 tablet.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
 
-            star(page, send)
+            draw_lobes(page, send)
             tablet.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
         page.wait_for_function("location.hash.includes('figure=')")
         points = np.array([[float(c) for c in p.split()] for p in page.input_value("#points").split(",")])
         assert page.input_value("#figures") == "drawn"
         size = page.locator("#draw").bounding_box()["height"] / 2 / 1.4
-        radius = np.hypot(*points.T) * size
-        expected = 60.0 + 20.0 * np.cos(3.0 * np.arctan2(points[:, 1], points[:, 0]))
-        np.testing.assert_allclose(radius, expected, atol=2.5)
+        found = np.hypot(*points.T) * size
+        expected = lobes(np.arctan2(points[:, 1], points[:, 0]))
+        np.testing.assert_allclose(found, expected, atol=2.5)
         page.focus("#plot-list")
         sample = run_to(page, 3.0)
         page.get_by_text("Copy B as TOML").click()

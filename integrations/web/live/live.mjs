@@ -64,6 +64,9 @@ let worker, workerSource, wasm;
 function startWorker() {
   worker = new Worker(workerSource);
   worker.onmessage = ({ data: message }) => {
+    if (!waiting.has(message.id)) {
+      return; // from a worker that has been ended
+    }
     const { resolve, reject } = waiting.get(message.id);
     waiting.delete(message.id);
     if (message.problem === undefined) {
@@ -311,19 +314,17 @@ async function choose(name, key) {
 
 // The figure that the mass follows.
 async function follow(figure) {
-  const before = state.figure;
   try {
     if (figure) {
       pointsOf(figure);
     }
-    state.figure = figure;
-    if (!(await restart())) {
-      state.figure = before;
-    }
   } catch (error) {
-    state.figure = before;
     problem(error.message);
+    build();
+    return;
   }
+  state.figure = figure;
+  await restart();
   build();
 }
 
@@ -677,7 +678,7 @@ function at(run, channel) {
 }
 const cursorBin = (run) =>
   Math.max(history.first(run), Math.min(history.count(run) - 1, Math.max(0, history.at(cursor))));
-const shownTime = () => (cursor === null ? milliseconds(sample - 1) : history.time(Math.max(0, cursorBin(0))));
+const shownTime = () => (cursor === null ? milliseconds(Math.max(0, sample - 1)) : history.time(Math.max(0, cursorBin(0))));
 
 // Over the time shown.
 function shownRms(run, channel) {
