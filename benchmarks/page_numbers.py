@@ -929,8 +929,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
 INSTALL: dict[str, Callable[[], str]] = {
     "install.light": lambda: said("stopwatch", r"Without extras: \d+ distributions, (\d+) MB"),
     "install.report": lambda: said("stopwatch", r"With `report`: \d+ distributions, (\d+) MB"),
-    "install.picture": lambda: said("stopwatch", r"First picture: after (\d+) s"),
-    "install.picture_processor": lambda: said("stopwatch", r"First picture: after \d+ s, processor time (\d+) s"),
+    "install.picture": lambda: said("stopwatch", r"First picture: after \d+ s, processor time (\d+) s"),
     "install.all": lambda: thousands(number(logs.row("install", extra="all")["MB"])),
     "install.processor": lambda: said("install", r"takes (\d+) s of processor time"),
     "install.seconds": lambda: said("install", r"processes, (\d+) s on this machine"),
