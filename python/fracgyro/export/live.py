@@ -11,6 +11,7 @@ import gzip
 import json
 import os
 import re
+import string
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -262,8 +263,14 @@ def page(data: dict[str, Any], wasm: Path) -> str:
     return text
 
 
+# Those of base 85 that HTML takes for themselves, as in boot.js, in place of Python's.
+PYTHONS = string.digits + string.ascii_uppercase + string.ascii_lowercase + "!#$%&()*+-;<=>?@^_`{|}~"
+DIGITS = "".join(chr(code) for code in range(ord("!"), ord("~") + 1) if chr(code) not in "\"&'<>\\`{}")
+OURS = str.maketrans(PYTHONS, DIGITS)
+
+
 def packed(content: bytes) -> str:
-    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+    return base64.b85encode(gzip.compress(content, 9, mtime=0)).decode().translate(OURS)
 
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "(\./|\.\./)([\w.]+)";\n', re.MULTILINE)
