@@ -208,8 +208,8 @@ def draw_minute(browser: Any, address: str, folder: Path) -> None:
         look(page, 4)
         page.click('a[href="#draw"]')
         page.get_by_text("Draw the motion", exact=True).last.click()
-        page.evaluate("document.getElementById('draw').scrollIntoView({ block: 'end' })")
-        box = page.locator("#draw").bounding_box()
+        page.evaluate("document.getElementById('sketch').scrollIntoView({ block: 'end' })")
+        box = page.locator("#sketch").bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         for i in range(61):
             angle = math.pi * i / 30.5

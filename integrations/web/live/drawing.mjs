@@ -12,7 +12,7 @@ export class Drawing {
 
   // `set` is called with the text of a figure, "" for the gyroscope's own.
   constructor(set) {
-    const canvas = $("draw");
+    const canvas = $("sketch");
     const option = (value, words) => new Option(words, value);
     $("figures").append(option("", "the gyroscope's own"), ...Object.keys(FIGURES).map((name) => option(name, name)));
     $("figures").append(option("drawn", "drawn or typed"));
@@ -41,7 +41,7 @@ export class Drawing {
   }
 
   #at({ clientX, clientY }) {
-    const { left, top, width, height } = $("draw").getBoundingClientRect();
+    const { left, top, width, height } = $("sketch").getBoundingClientRect();
     const size = Math.min(width, height) / 2 / EDGE;
     return [(clientX - left - width / 2) / size, -(clientY - top - height / 2) / size].map((a) =>
       Math.max(-EDGE, Math.min(EDGE, a)),
@@ -61,7 +61,7 @@ export class Drawing {
     if (!$("drawing").open) {
       return;
     }
-    const { context, width, height } = fitted($("draw"));
+    const { context, width, height } = fitted($("sketch"));
     const size = Math.min(width, height) / 2 / EDGE;
     const place = ([x, y]) => [width / 2 + x * size, height / 2 - y * size];
     const stroke = (points, color, thick) => {
