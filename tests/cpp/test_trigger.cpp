@@ -29,7 +29,7 @@ protected:
     typename Trigger<T>::State state{};
 
     Vec2<T> sent(const TriggerParams& p, double x, double y = 0.0) {
-        return Trigger<T>::sent(state, Trigger<T>::prepare(p), vec2<T>(x, y));
+        return Trigger<T>::sent(state, Trigger<T>::prepare({.trigger = p}), vec2<T>(x, y));
     }
 };
 TYPED_TEST_SUITE(TriggerOf, Scalars, ScalarNames);

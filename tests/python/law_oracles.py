@@ -18,7 +18,8 @@ def held_points(scenario: fg.Scenario) -> np.ndarray:
 def nominal(scenario: fg.Scenario) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D, 2 Omega and K of the nominal plant."""
     damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
-    ratio, turn = scenario.adaptation.initial_ratio, np.array([[0.0, -1.0], [1.0, 0.0]])
+    ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0  # then all is known
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     d, k = (ratio * np.array([entries[:2], entries[1:]]) for entries in (damping, stiffness))
     return d, 2 * ratio * rate * turn, k
 

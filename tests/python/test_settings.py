@@ -99,7 +99,8 @@ def test_units_are_those_of_the_equations() -> None:
     text = (ROOT / "EQUATIONS.md").read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in row.split("|")] for row in text.splitlines() if row.startswith("|")]
     listed = {row[4].strip("`"): row[2] for row in rows if len(row) == 8}
-    signs = {"ω": "omega", "α": "alpha", "γ": "gamma", "ρ": "rho", "−": "-", "²": "^2", "³": "^3", " ": "*", "–": "1"}
+    signs = {"ω": "omega", "α": "alpha", "γ": "gamma", "ρ": "rho", "μ": "mu", "ν": "nu"}
+    signs |= {"−": "-", "²": "^2", "³": "^3", " ": "*", "–": "1"}
     units: dict[str, list[str]] = {}
     for number in (number for kind in KINDS for number in offered(kind) if not number.choices):
         said = units.setdefault(number.path, [])

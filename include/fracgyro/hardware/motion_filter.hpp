@@ -23,6 +23,7 @@ namespace fracgyro {
 template <Scalar T, bool velocity_measured>
 struct MotionFilter {
     static constexpr std::size_t max_delay = 8;
+    static constexpr bool measures_velocity = velocity_measured;
     using Gain = FilterGain<T, velocity_measured ? 2 : 1>;
 
     struct Coefficients {

@@ -23,7 +23,9 @@ struct Trigger {
         Vec2<T> sent{};
     };
 
-    static Coefficients prepare(const TriggerParams& p) { return {.threshold = T(p.threshold), .share = T(p.share)}; }
+    static Coefficients prepare(const Common& common) {
+        return {.threshold = T(common.trigger.threshold), .share = T(common.trigger.share)};
+    }
 
     static bool sound(const State&) { return true; }  // numbers only
 
@@ -36,6 +38,17 @@ struct Trigger {
         state.sent = if_less({zero, zero}, {keeps, keeps}, state.sent, wanted);
         return state.sent;
     }
+
+    // One step of a controller whose force is sent by events, as in MotionFilter.
+    template <class Step>
+    static auto step(State& state, const Coefficients& c, const Motion<T>& measured, bool /*missing*/,
+                     Step&& controller) {
+        auto signals = controller(measured);
+        signals.force = sent(state, c, signals.force);
+        return signals;
+    }
+    // The sent force still acts.
+    static void start_over(State&, bool /*keep_estimates*/) {}
 };
 
 // A controller whose force is sent by events.
@@ -57,7 +70,7 @@ struct Triggered {
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
-        return {.controller = Controller::prepare(p, common), .trigger = Trigger<T>::prepare(common.trigger)};
+        return {.controller = Controller::prepare(p, common), .trigger = Trigger<T>::prepare(common)};
     }
     static bool sound(const State& state, const Coefficients& c) {
         return Controller::sound(state.controller, c.controller);
@@ -66,15 +79,14 @@ struct Triggered {
         return Controller::report(state.controller, c.controller);
     }
     static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
-    // The sent force still acts.
     static void start_over(State& state, bool keep_estimates) {
         Controller::start_over(state.controller, keep_estimates);
     }
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
-        Signals<T, Report> signals = Controller::step(state.controller, c.controller, measured, missing);
-        signals.force = Trigger<T>::sent(state.trigger, c.trigger, signals.force);
-        return signals;
+        return Trigger<T>::step(state.trigger, c.trigger, measured, missing != nullptr, [&](const Motion<T>& seen) {
+            return Controller::step(state.controller, c.controller, seen, missing);
+        });
     }
 };
 

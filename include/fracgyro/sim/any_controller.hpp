@@ -144,20 +144,40 @@ private:
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };
 
-// Another controller with something around it, whose state comes before that of the controller.
+// Another controller with a filter or a trigger around it, whose state comes before that of the controller.
 template <Scalar T, class Part>
-class AroundController : public AnyController<T> {
-protected:
+class AroundController final : public AnyController<T> {
     using State = typename Part::State;
+    static constexpr bool filters = requires { Part::measures_velocity; };
 
 public:
-    AroundController(AnyController<T>& controller, std::unique_ptr<AnyController<T>> owned,
-                     const typename Part::Coefficients& coefficients)
-        : controller_(controller), coefficients_(coefficients), owned_(std::move(owned)) {
+    AroundController(AnyController<T>& controller, const Common& common, std::unique_ptr<AnyController<T>> owned)
+        : controller_(controller), owned_(std::move(owned)), coefficients_(Part::prepare(common)) {
         clear(state_);
     }
 
+    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
+        return Part::step(state_, coefficients_, measured, missing != nullptr,
+                          [&](const Motion<T>& seen) { return controller_.step(seen, missing); });
+    }
+    void start_over(bool keep_estimates) override {
+        controller_.start_over(keep_estimates);
+        Part::start_over(state_, keep_estimates);
+    }
     std::uint64_t steps() const override { return controller_.steps(); }
+    bool needs_velocity() const override {
+        if constexpr (filters) {
+            return Part::measures_velocity;
+        } else {
+            return controller_.needs_velocity();
+        }
+    }
+    bool takes_filter() const override { return !filters && controller_.takes_filter(); }
+    void set(const ControllerParams& params, const Common& common) override {
+        controller_.set(params, common);
+        coefficients_ = Part::prepare(common);
+    }
+
     std::span<const double> report() override { return controller_.report(); }
     CommonReport common_report() override { return controller_.common_report(); }
     double rate() override { return controller_.rate(); }
@@ -183,57 +203,11 @@ public:
         return controller_.steps_of(bytes + sizeof(State));
     }
 
-protected:
+private:
     AnyController<T>& controller_;
+    std::unique_ptr<AnyController<T>> owned_;
     typename Part::Coefficients coefficients_{};
     State state_;
-
-private:
-    std::unique_ptr<AnyController<T>> owned_;
-};
-
-template <Scalar T, bool velocity_measured>
-class FilteredController final : public AroundController<T, MotionFilter<T, velocity_measured>> {
-    using Filter = MotionFilter<T, velocity_measured>;
-
-public:
-    FilteredController(AnyController<T>& controller, std::unique_ptr<AnyController<T>> owned, const Common& common)
-        : AroundController<T, Filter>(controller, std::move(owned), Filter::prepare(common)) {}
-
-    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
-        return Filter::step(this->state_, this->coefficients_, measured, missing != nullptr,
-                            [&](const Motion<T>& seen) { return this->controller_.step(seen, missing); });
-    }
-    void start_over(bool keep_estimates) override {
-        this->controller_.start_over(keep_estimates);
-        Filter::start_over(this->state_, keep_estimates);
-    }
-    bool needs_velocity() const override { return velocity_measured; }
-    bool takes_filter() const override { return false; }
-    void set(const ControllerParams& params, const Common& common) override {
-        this->controller_.set(params, common);
-        this->coefficients_ = Filter::prepare(common);
-    }
-};
-
-template <Scalar T>
-class TriggeredController final : public AroundController<T, Trigger<T>> {
-public:
-    TriggeredController(AnyController<T>& controller, std::unique_ptr<AnyController<T>> owned, const Common& common)
-        : AroundController<T, Trigger<T>>(controller, std::move(owned), Trigger<T>::prepare(common.trigger)) {}
-
-    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
-        auto signals = this->controller_.step(measured, missing);
-        signals.force = Trigger<T>::sent(this->state_, this->coefficients_, signals.force);
-        return signals;
-    }
-    void start_over(bool keep_estimates) override { this->controller_.start_over(keep_estimates); }
-    bool needs_velocity() const override { return this->controller_.needs_velocity(); }
-    bool takes_filter() const override { return this->controller_.takes_filter(); }
-    void set(const ControllerParams& params, const Common& common) override {
-        this->controller_.set(params, common);
-        this->coefficients_ = Trigger<T>::prepare(common.trigger);
-    }
 };
 
 // The controller with event trigger and filter around it; nullptr if it has neither.
@@ -242,22 +216,19 @@ std::unique_ptr<AnyController<T>> behind_wrappers(AnyController<T>& controller, 
                                                   std::unique_ptr<AnyController<T>> owned = nullptr) {
     std::unique_ptr<AnyController<T>> made;
     AnyController<T>* inner = &controller;
-    const auto put = [&]<class Around>() {
-        made = std::make_unique<Around>(*inner, std::move(owned), common);
+    const auto put = [&]<class Part>() {
+        made = std::make_unique<AroundController<T, Part>>(*inner, common,
+                                                           made == nullptr ? std::move(owned) : std::move(made));
         inner = made.get();
     };
     if (common.trigger.on()) {
-        put.template operator()<TriggeredController<T>>();
-        owned = nullptr;
+        put.template operator()<Trigger<T>>();
     }
     if (common.filter.on() && controller.takes_filter()) {
-        if (made != nullptr) {
-            owned = std::move(made);
-        }
         if (common.observer_bandwidth > 0.0) {
-            put.template operator()<FilteredController<T, false>>();
+            put.template operator()<MotionFilter<T, false>>();
         } else {
-            put.template operator()<FilteredController<T, true>>();
+            put.template operator()<MotionFilter<T, true>>();
         }
     }
     return made;
