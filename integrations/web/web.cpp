@@ -185,8 +185,8 @@ EXPORT void loop_start() {
     loop = std::make_unique<RunningLoop>(setup, *loop_controller);
     saved.resize(loop->saved_size());
 }
-// The loop at t = 0 with the caller's law. reports: count of its reported numbers; rate_place: index of the angular rate
-// among them, or -1.
+// The loop at t = 0 with the caller's law. reports: count of its reported numbers; rate_place: index of the rate among
+// them, or -1.
 EXPORT void loop_start_law(std::size_t reports, std::ptrdiff_t rate_place) {
     loop.reset();
     auto law = std::make_unique<CallersLaw>(reports, rate_place);

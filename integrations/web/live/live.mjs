@@ -678,7 +678,8 @@ function at(run, channel) {
 }
 const cursorBin = (run) =>
   Math.max(history.first(run), Math.min(history.count(run) - 1, Math.max(0, history.at(cursor))));
-const shownTime = () => (cursor === null ? milliseconds(Math.max(0, sample - 1)) : history.time(Math.max(0, cursorBin(0))));
+const shownTime = () =>
+  cursor === null ? milliseconds(Math.max(0, sample - 1)) : history.time(Math.max(0, cursorBin(0)));
 
 // Over the time shown.
 function shownRms(run, channel) {
