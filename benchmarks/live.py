@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import gzip
 import math
+import os
 import statistics
 import sys
 import tempfile
@@ -86,6 +87,7 @@ def main() -> None:
 
 
 def log(browser: Any, address: str, folder: Path) -> None:
+    load, *_ = os.getloadavg()  # of other work on the machine, which makes frames longer
     rows = [row(browser, address, what, hash) for what, hash in SETTINGS.items()]
     page = (folder / "live/index.html").read_bytes()
     parts = {
@@ -101,7 +103,7 @@ def log(browser: Any, address: str, folder: Path) -> None:
         "Made by `python benchmarks/live.py`.",
         "",
         f"Machine: {machine('ziglang', 'playwright')}; "
-        f"Chromium {browser.version}, headless, without a GPU, at 1280 × 800.",
+        f"Chromium {browser.version}, headless, without a GPU, at 1280 × 800; load average {load:.1f} before.",
         "",
         f"Frames over {SECONDS} s, of the preset that the page begins with, playing {SPEED} units of time a second:",
         "",
@@ -170,7 +172,7 @@ def draw(browser: Any, address: str, path: Path) -> None:
 
 def draw_own(browser: Any, address: str, path: Path) -> None:
     """A heart as the reference and, below, the function that follows it."""
-    with opened(browser, address, "#draw&b=yours&speed=20", viewport={"width": 1100, "height": 2200}) as page:
+    with opened(browser, address, "#draw&b=yours&speed=20", viewport={"width": 1100, "height": 2600}) as page:
         page.get_by_text("Draw the motion", exact=True).last.click()
         page.wait_for_function(f"parseFloat({CLOCK}.slice(4)) >= 22")
         page.click("#play")
