@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import gzip
 import math
+import os
 import statistics
 import sys
 import tempfile
@@ -86,6 +87,7 @@ def main() -> None:
 
 
 def log(browser: Any, address: str, folder: Path) -> None:
+    load, *_ = os.getloadavg()  # of other work on the machine, which makes frames longer
     rows = [row(browser, address, what, hash) for what, hash in SETTINGS.items()]
     page = (folder / "live/index.html").read_bytes()
     parts = {
@@ -101,7 +103,7 @@ def log(browser: Any, address: str, folder: Path) -> None:
         "Made by `python benchmarks/live.py`.",
         "",
         f"Machine: {machine('ziglang', 'playwright')}; "
-        f"Chromium {browser.version}, headless, without a GPU, at 1280 × 800.",
+        f"Chromium {browser.version}, headless, without a GPU, at 1280 × 800; load average {load:.1f} before.",
         "",
         f"Frames over {SECONDS} s, of the preset that the page begins with, playing {SPEED} units of time a second:",
         "",
@@ -155,38 +157,48 @@ def draw_presets(browser: Any, address: str, folder: Path) -> None:
 
 
 def draw(browser: Any, address: str, path: Path) -> None:
-    """The first preset, with the rate reversed after 5 units of time."""
-    with opened(browser, address, "#follow&speed=20", viewport={"width": 1100, "height": 1000}) as page:
+    """The first preset, with the rate reversed after 5 units of time, once."""
+    options = {"viewport": {"width": 1100, "height": 1000}, "reduced_motion": "reduce"}
+    with opened(browser, address, "#follow&speed=20", **options) as page:
+        page.evaluate("document.getElementById('drawing').style.visibility = 'hidden'")  # its first line is cut
+        page.click("#play")
         for until, act in ((5, "#rate-reverse"), (16, "#play")):
             page.wait_for_function(f"parseFloat({CLOCK}.slice(4)) >= {until}")
             page.click(act)
-        page.wait_for_function(f"{CLOCK}.includes('paused')")
-        page.mouse.move(0, 0)
-        page.wait_for_timeout(200)
+        settled(page)
         top, bottom = (page.evaluate(f"document.querySelector('{of}').getBoundingClientRect().top") for of in ENDS)
-        shot = page.screenshot(clip={"x": 0, "y": top - 8, "width": 1100, "height": bottom - top})
-    save(shot, path)
+        save([page.screenshot(clip={"x": 0, "y": top - 8, "width": 1100, "height": bottom - top})], path)
 
 
 def draw_own(browser: Any, address: str, path: Path) -> None:
-    """A function of one's own on a drawn heart, from the gyroscope to the last line."""
-    with opened(browser, address, "#draw&b=yours&speed=20", viewport={"width": 1100, "height": 1700}) as page:
+    """A heart as the reference and, below, the function that follows it."""
+    with opened(browser, address, "#draw&b=yours&speed=20", viewport={"width": 1100, "height": 2600}) as page:
         page.get_by_text("Draw the motion", exact=True).last.click()
         page.wait_for_function(f"parseFloat({CLOCK}.slice(4)) >= 22")
         page.click("#play")
-        page.wait_for_function(f"{CLOCK}.includes('paused')")
-        page.mouse.move(0, 0)
-        page.wait_for_timeout(200)
-        top, bottom = (
-            page.evaluate(f"document.querySelector('{of}').getBoundingClientRect().{side}")
-            for of, side in (("#stage", "top"), ("#editor", "bottom"))
-        )
-        shot = page.screenshot(clip={"x": 0, "y": top - 8, "width": 1100, "height": bottom - top + 16})
-    save(shot, path)
+        settled(page)
+        shots = []
+        for part in ("#bench", "#own"):
+            box = page.locator(part).bounding_box()
+            shots.append(page.screenshot(clip={"x": 0, "y": box["y"] - 8, "width": 1100, "height": box["height"] + 16}))
+    save(shots, path)
 
 
-def save(shot: bytes, path: Path) -> None:
-    Image.open(BytesIO(shot)).convert("RGB").quantize(48).save(path, optimize=True)
+def settled(page: Any) -> None:
+    page.wait_for_function(f"{CLOCK}.includes('paused')")
+    page.mouse.move(0, 0)
+    page.wait_for_timeout(200)
+
+
+def save(shots: list[bytes], path: Path) -> None:
+    """One below the other."""
+    parts = [Image.open(BytesIO(shot)).convert("RGB") for shot in shots]
+    whole = Image.new("RGB", (parts[0].width, sum(part.height for part in parts)))
+    top = 0
+    for part in parts:
+        whole.paste(part, (0, top))
+        top += part.height
+    whole.quantize(48).save(path, optimize=True)
 
 
 def draw_minute(browser: Any, address: str, folder: Path) -> None:

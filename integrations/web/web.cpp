@@ -119,8 +119,6 @@ void operator delete(void* at) noexcept {
     }
 }
 void operator delete(void* at, std::size_t) noexcept { operator delete(at); }
-// The C++ library, which is not linked, has this for abstract classes.
-extern "C" void __cxa_pure_virtual() { __builtin_trap(); }
 
 #define EXPORT extern "C" [[gnu::visibility("default")]]
 
