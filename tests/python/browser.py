@@ -74,7 +74,7 @@ def violations(page: Any, impacts: Sequence[str] = ("minor", "moderate", "seriou
 
 
 def faults_of_report(browser: Any, path: Path) -> list[str]:
-    """Serious findings of axe-core, and what is wider than the window: on a telephone and a desk, light and dark."""
+    """Serious findings of axe-core and a page wider than its window, on a telephone and a desk, light and dark."""
     faults = []
     for width in (400, 1280):
         for scheme in ("light", "dark"):
