@@ -97,6 +97,7 @@ html_title = f"fracgyro {version}"
 html_static_path = [str(HERE / "static")]
 html_css_files = ["fracgyro.css"]
 html_js_files = ["fracgyro.js"]
+html_search_scorer = "scorer.js"
 html_favicon = str(HERE / "static" / "favicon.svg")
 html_show_sphinx = False
 html_show_copyright = False

@@ -44,8 +44,8 @@ class Quiet(SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def served(folder: Path, handler: type[Quiet] = Quiet) -> Iterator[str]:
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=str(folder)))
+def served(folder: Path) -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         yield f"http://127.0.0.1:{server.server_port}/"
@@ -74,7 +74,7 @@ def violations(page: Any, impacts: Sequence[str] = ("minor", "moderate", "seriou
 
 
 def faults_of_report(browser: Any, path: Path) -> list[str]:
-    """Serious findings of axe-core, and elements wider than the window: on a telephone and a desk, light and dark."""
+    """Serious findings of axe-core and a page wider than its window, on a telephone and a desk, light and dark."""
     faults = []
     for width in (400, 1280):
         for scheme in ("light", "dark"):

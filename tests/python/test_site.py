@@ -213,9 +213,9 @@ def test_the_first_page_runs_the_live_page(whole: Path, browser: Any) -> None:
     [
         ("voltage", "how-to/units"),
         ("step reference", "how-to/references"),
-        ("allan deviation", "understand/rate-sensor"),
+        ("allan deviation", "gallery/plot_08_allan"),
         ("simulink", "how-to/fmu"),
-        ("noise density", "how-to/data-sheet"),
+        ("noise density", "how-to/units"),
     ],
 )
 def test_the_search_answers(site: Path, browser: Any, words: str, wanted: str) -> None:
