@@ -22,6 +22,7 @@ from .quantity import NORMAL, Quantity, modal
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
 from .results import Condition
 from .second_stage import Known, fit_device
+from .springs import spring_quantities, spring_tests
 from .structure import Group
 from .sweep import SweepFit, fit_sweep, sweep_tests
 from .thermal import gain_of_pickoff
@@ -140,7 +141,7 @@ def _identified(
             check_motion(group)
             found = fit_segments(group, unit)
             fits.append((group[0].state, found))
-            checks += tests(found.fit, found.spectra, found.segments)
+            checks += tests(found.fit, found.spectra, found.segments) + spring_tests(found)
             unit = unit or found.unit
         for response in sorted((each for each in sweeps if _is_at(each.state, state)), key=lambda each: each.digest):
             swept = fit_sweep(response)
@@ -179,6 +180,8 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
     else:
         notes.append("only one pick-off was recorded: coupling, rate and the other axis are not known")
         found |= _one_axis(first, known)
+    timed = [fit for _, fit in fits if isinstance(fit, Fitted)]
+    found |= spring_quantities(timed, known, found.get("pickoff_ratio"), found.get("stiffness_axis"))
     found |= _delay(fits) | _thermal_gain(state, fits, known)
     swept = next((fit for _, fit in fits if isinstance(fit, SweepFit)), None)
     if swept is not None:

@@ -99,13 +99,15 @@ def _fit() -> Schema:
                                                 "deviation": _or_null(NUMBER)})]},
             "chi_squared": NUMBER,
             "degrees_of_freedom": {"type": "integer"},
+            "cubic": _table({"strength": _list(NUMBER), "deviation": _list(NUMBER), "score": _list(NUMBER),
+                             "largest": _list(NUMBER)}),
         },
         ["kind", "rate", "records", "omega0", "names", "parameters", "covariance", "noise", "chi_squared",
          "degrees_of_freedom"],
         more=True,
     )  # fmt: skip
     kind = {"properties": {"kind": {"const": "sweep"}}}
-    return {**shared, "if": kind, "then": {"required": ["delay"]}, "else": {"required": ["thermal", "thermal_p"]}}
+    return {**shared, "if": kind, "then": {"required": ["delay"]}, "else": {"required": ["thermal", "thermal_p", "cubic"]}}
 
 
 def _advice() -> Schema:

@@ -83,6 +83,8 @@ def decay_figure(fitted: Fitted) -> str:
 
 def simulated(fitted: Fitted, i: int) -> Array:
     """The motion that the fit gives for a free record, (axes, samples)."""
+    if fitted.cubic is not None and fitted.cubic.fitted:
+        return fitted.cubic.motions[i]
     segment, n = fitted.segments[i], fitted.shape.axes
     maps = sampled(fitted.shape, fitted.fit.parameters, segment.interval * fitted.unit)
     values, vectors = np.linalg.eig(np.eye(2 * n) + maps.less_one)

@@ -46,7 +46,10 @@ MEANINGS = {
     "feedthrough": "direct coupling of drive and pick-off at the resonance",
     "delay": "delay of the force",
     "thermal_pickoff": "motion per unit of the x pick-off, from its thermal motion",
-    "backbone": "shift of the frequency over the square of the amplitude",
+    "backbone_x": "shift of the frequency over the square of the amplitude, along x",
+    "backbone_y": "shift of the frequency over the square of the amplitude, along y",
+    "cubic_x": "cubic stiffness along x",
+    "cubic_y": "cubic stiffness along y",
 }
 
 

@@ -32,6 +32,7 @@ SOURCES = {
     "plant.angular_rate": ("rate",),
     "device.pickoff_gain_error": ("pickoff_ratio",),
     "device.force_misalignment": ("beta",),
+    "device.cubic_stiffness": ("cubic_x", "cubic_y"),
     "reference.frequency": ("frequency_1", "frequency_2"),
 }
 
@@ -103,6 +104,8 @@ def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
     if found.known.mass is not None:
         temperature = found.conditions[0].state.temperature or TEMPERATURE
         changes["disturbance.density"] = linear.thermal_density(temperature)
+    if "cubic_x" in found or "cubic_y" in found:
+        changes["device.cubic_stiffness"] = tuple(_rounded(found, f"cubic_{axis}") or 0.0 for axis in "xy")
     delay = _delay(found, base, linear.omega)
     if delay is not None:
         changes |= timing(*delay)
@@ -222,6 +225,10 @@ def _field_comments(found: Results, scenario: Scenario) -> dict[str, list[str]]:
                 comments.setdefault(field, []).append(f"Not determined by these records: {each.name}{reason}.")
     if _rate(found) is None:
         comments.setdefault("plant.angular_rate", []).append("The end of the range of the shipped scenario.")
+    for axis in "xy":
+        if f"backbone_{axis}" in found and f"cubic_{axis}" not in found:
+            words = f"{_part(found[f'backbone_{axis}'])}: in N/m^3 with mass and gain of the pick-off."
+            comments.setdefault("device.cubic_stiffness", []).append(f"Identified from {names}: {words}")
     if "delay" in found:
         said = f"delay {found['delay'].value:.6g} s, +- {found['delay'].half:.2g} s"
         in_steps = _delay(found, Scenario.shipped(base_name(found)), scenario.plant.reference_frequency)
