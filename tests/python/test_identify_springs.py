@@ -14,7 +14,7 @@ from fracgyro.identification.first_stage import Fitted
 from fracgyro.identification.model import Shape
 
 TURN, RATIO = 0.02, 1.01
-EVERY, SAMPLES, LONG = 8, 24_000, 1
+EVERY, SAMPLES = 12, 12_000
 NOISE = 1e-3  # over the amplitude
 DEVICE = fg.Scenario.shipped("dual_mass")
 LENGTH = DEVICE.plant.reference_length
@@ -78,16 +78,16 @@ def test_the_springs_of_the_simulated_device_are_found(x: float, y: float) -> No
 
 def test_the_errors_of_springs_follow_their_intervals() -> None:
     errors = []
-    for seed in range(8):
+    for seed in range(4):
         found = identified(1e-3, -4e-3, seed)
         for name, spring in (("cubic_x", 1e-3), ("cubic_y", -4e-3)):
             errors.append(1.96 * (found[name].value - spring * SPRING) / found[name].half)
     squares = float(np.sum(np.square(errors)))
-    assert 3.9 < squares < 39.3  # chi^2 with 16 degrees of freedom: 0.1 % and 99.9 %
+    assert 0.8 < squares < 26.2  # chi^2 with 8 degrees of freedom: 0.1 % and 99.9 %
 
 
 def test_a_linear_record_has_no_springs() -> None:
-    for seed in range(6):
+    for seed in range(4):
         found = fg.identify(DUAL_MASS.record(12_000, 8.0, seed=seed))
         assert not [name for name in found if name.startswith(("cubic", "backbone"))]
         (test,) = [each for each in found.tests if each.name == "springs"]
@@ -132,15 +132,16 @@ def test_the_motion_of_an_undamped_spring_has_the_frequency_of_its_series() -> N
     middle = slice(len(at) // 10, -len(at) // 10)
     omega = 2 * np.pi / np.polyfit(np.arange(len(at))[middle], 0.5 * at[middle], 1)[0]
     size = strength * float(np.abs(motion).max()) ** 2
-    assert omega - 1 == pytest.approx(3 / 8 * size - 15 / 256 * size**2, rel=1e-4)
+    # The second term is 3e-3 of the first.
+    assert omega - 1 == pytest.approx(3 / 8 * size - 15 / 256 * size**2, rel=5e-4)
 
 
 def test_a_forced_record_with_springs_is_named() -> None:
     generator = np.random.default_rng(3)
-    force = 0.05 * generator.normal(size=(2, 12_000))
-    device = DEVICE.replace({"device.cubic_stiffness": (0.02 * SPRING, 0.0), "device.position_noise_density": 0.0})
-    plant, record = fg.Plant(device), np.empty((2, 12_000))
-    for i in range(12_000):
+    force = 0.02 * generator.normal(size=(2, 4000))
+    device = DEVICE.replace({"device.cubic_stiffness": (1e-3 * SPRING, 0.0), "device.position_noise_density": 0.0})
+    plant, record = fg.Plant(device), np.empty((2, 4000))
+    for i in range(4000):
         record[:, i] = plant.motion.position
         for _ in range(EVERY):
             plant.step(tuple(force[:, i]))

@@ -18,13 +18,14 @@ from .faults import check_motion, prepared
 from .first_stage import Fitted, fit_segments
 from .found import Found
 from .json_schema import schema
-from .quantity import NORMAL, Quantity, modal
+from .quantity import NORMAL, Quantity, modal, pooled
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
 from .results import Condition
 from .second_stage import Known, fit_device
 from .springs import spring_quantities, spring_tests
 from .structure import Group
 from .sweep import SweepFit, fit_sweep, sweep_tests
+from .sweep_faults import direction_tests, jump_test, lean_test, runs
 from .thermal import gain_of_pickoff
 from .trends import Trend, line
 
@@ -79,7 +80,7 @@ class Identify:
             one, more = _read(each)
             notes += more
             if isinstance(one, Response):
-                sweeps.append(one)
+                sweeps += runs(one)
                 files[one.name] = one.digest
             else:
                 if one[0].name in files:
@@ -146,7 +147,8 @@ def _identified(
         for response in sorted((each for each in sweeps if _is_at(each.state, state)), key=lambda each: each.digest):
             swept = fit_sweep(response)
             fits.append((response.state, swept))
-            checks += sweep_tests(swept)
+            checks += [*sweep_tests(swept), lean_test(swept), *jump_test(response)]
+        checks += direction_tests([fit for _, fit in fits if isinstance(fit, SweepFit)])
         conditions.append(_condition(state, fits, known, notes))
         if conditions[-1].device is not None:
             checks += conditions[-1].device.tests
@@ -169,8 +171,9 @@ def _kind(segment: Segment) -> tuple[float | None, tuple[str, ...], int]:
 def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known: Known, notes: list[str]) -> Condition:
     """Quantities of the device from the fits of one bias and temperature."""
     both = [(each, fit) for each, fit in fits if fit.shape.axes == 2]
-    first = both[0][1] if both else fits[0][1]
-    found = modal(first.shape, first.fit.parameters, first.fit.covariance, first.unit)
+    rate, first = both[0] if both else fits[0]
+    alike = [fit for each, fit in fits if each.rate == rate.rate and fit.shape.axes == first.shape.axes]
+    found = pooled([modal(each.shape, each.fit.parameters, each.fit.covariance, each.unit) for each in alike])
     device = None
     if both:
         unit = first.unit

@@ -34,9 +34,9 @@ class Grid:
 
 
 def grid_of(shape: Shape, parameters: Array, shift: float, samples: int, interval: float) -> Grid:
-    """Steps that resolve the beat of the modes and a `shift` of the frequency, over omega0."""
-    modes = poles(shape, parameters).imag
-    fastest = abs(shift) + 2 * float(np.ptp(modes))
+    """Steps that resolve the beat of the modes, their decay and a `shift` of the frequency, over omega0."""
+    modes = poles(shape, parameters)
+    fastest = abs(shift) + 2 * float(np.ptp(modes.imag)) + 2 * float(np.abs(modes.real).max())
     every = int(PHASE / max(fastest * interval, PHASE / samples))
     return Grid(samples, interval, min(max(every, 1), samples))
 
