@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from ..arguments import number, short
 from ..extras import needs
+from .decays import decay_tests
 from .diagnostics import Test, tests
 from .faults import check_motion, prepared
 from .first_stage import Fitted, fit_segments
@@ -143,6 +144,7 @@ def _identified(
             found = fit_segments(group, unit)
             fits.append((group[0].state, found))
             checks += tests(found.fit, found.spectra, found.segments) + spring_tests(found)
+            checks += decay_tests(found)
             unit = unit or found.unit
         for response in sorted((each for each in sweeps if _is_at(each.state, state)), key=lambda each: each.digest):
             swept = fit_sweep(response)
@@ -172,7 +174,7 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
     """Quantities of the device from the fits of one bias and temperature."""
     both = [(each, fit) for each, fit in fits if fit.shape.axes == 2]
     rate, first = both[0] if both else fits[0]
-    alike = [fit for each, fit in fits if each.rate == rate.rate and fit.shape.axes == first.shape.axes]
+    alike = [fit for each, fit in fits if each.rate == rate.rate and _axes(fit) == _axes(first)]
     found = pooled([modal(each.shape, each.fit.parameters, each.fit.covariance, each.unit) for each in alike])
     device = None
     if both:
@@ -182,7 +184,7 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
         notes += device.notes
     else:
         notes.append("only one pick-off was recorded: coupling, rate and the other axis are not known")
-        found |= _one_axis(first, known)
+        found |= pooled([_one_axis(each, known) for each in alike])
     timed = [fit for _, fit in fits if isinstance(fit, Fitted)]
     found |= spring_quantities(timed, known, found.get("pickoff_ratio"), found.get("stiffness_axis"))
     found |= _delay(fits) | _thermal_gain(state, fits, known)
@@ -194,6 +196,10 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
             "feedthrough", size, (size - NORMAL * deviation, size + NORMAL * deviation), words, relative=True
         )
     return Condition(state, tuple(fits), device, found)
+
+
+def _axes(fit: Fitted | SweepFit) -> tuple[str, ...]:
+    return fit.response.axes if isinstance(fit, SweepFit) else fit.segments[0].axes
 
 
 def _delay(fits: list[tuple[State, Fitted | SweepFit]]) -> dict[str, Quantity]:
