@@ -1,4 +1,4 @@
-"""Cubic springs: the round trip with the simulator's own, a record of one mode with its backbone, and what is refused."""
+"""Cubic springs: the round trip with the simulator's own, the backbone of one mode, and what is only named."""
 
 from __future__ import annotations
 

@@ -28,8 +28,8 @@ def decay_tests(fit: Fitted) -> list[Test]:
         deviation = (1 / low - loss) / NORMAL if math.isfinite(high) else 1 / low / (2 * NORMAL)
         if low > BEST:
             words = (
-                f"{where}: the amplitude at {frequency:.7g} Hz does not fall in {length:.3g} s, its quality factor would "
-                f"be above {low:.1g}: is a loop still closed, or the drive still on?"
+                f"{where}: the amplitude at {frequency:.7g} Hz does not fall in {length:.3g} s, its quality factor "
+                f"would be above {low:.1g}: is a loop still closed, or the drive still on?"
             )
             found.append(Test("decay", "fail", words))
         elif deviation > POOR * loss:
@@ -37,7 +37,8 @@ def decay_tests(fit: Fitted) -> list[Test]:
             longer = length * (deviation / loss / KNOWN) ** (2 / 3)
             words = (
                 f"{where}: the amplitude at {frequency:.7g} Hz falls by {falls:.1g} %, so its damping is known to "
-                f"{100 * NORMAL * deviation / loss:.1g} %: record at least {longer:.2g} s for {100 * NORMAL * KNOWN:.0f} %"
+                f"{100 * NORMAL * deviation / loss:.1g} %: record at least {longer:.2g} s for "
+                f"{100 * NORMAL * KNOWN:.0f} %"
             )
             found.append(Test("decay", "skipped", words))
     return found

@@ -8,6 +8,7 @@ in that frame is a cubic.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,9 @@ def motions(
 ) -> list[Array]:
     """The motion of all pick-offs, (axes, samples), of each variant.
 
-    `axes`: (variants, axes, axes), whose columns are those along which the springs act; `parameters`: (variants, count), K and C in units of omega0;
-    `strength`: (variants, axes); `start`: (variants, 2 axes); `analytic`: of `positive`.
+    `axes`: (variants, axes, axes), whose columns are those along which the springs act; `parameters`: (variants,
+    count), K and C in units of omega0; `strength`: (variants, axes); `start`: (variants, 2 axes); `analytic`: of
+    `positive`.
     """
     n = shape.axes
     matrices = np.stack([generator(shape, each)[: 2 * n, : 2 * n] for each in parameters])
@@ -62,7 +64,7 @@ def motions(
     half = _exponential(matrices * (step / 2))
     whole = half @ half
 
-    def along(maps: Array, states: Complex) -> Complex:
+    def along(maps: NDArray[Any], states: NDArray[Any]) -> Complex:
         return np.asarray((maps @ states[:, :, None])[:, :, 0])
 
     def force(states: Complex) -> Complex:

@@ -49,7 +49,9 @@ def prepared(segment: Segment) -> tuple[Segment, list[str]]:
         if step:
             unit = segment.units[segment.axes.index(axis)]
             bits = math.ceil(math.log2(np.ptp(row) / step + 1))
-            notes.append(f"{axis} has steps of {f'{step:.3g} {unit}'.rstrip()}, as of a converter with {bits} bits in use")
+            notes.append(
+                f"{axis} has steps of {f'{step:.3g} {unit}'.rstrip()}, as of a converter with {bits} bits in use"
+            )
         if step and np.abs(row - row.mean()).max() < COARSE_STEPS * step and _floor(row) < COARSE_NOISE * step:
             notes.append(
                 f"{axis} has only {np.ptp(row) / step:.0f} steps of the converter and less noise than {COARSE_NOISE:g} "

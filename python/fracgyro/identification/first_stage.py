@@ -32,7 +32,8 @@ LONGEST = 14.0  # times the longest time constant: later samples have only noise
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit, its model, its unit of time (omega0, rad/s), the spectra and segments it is of; `delay`: of the force; `cubic`: springs."""
+    """A fit, its model, its unit of time (omega0, rad/s), the spectra and segments it is of; `delay`: of the force;
+    `cubic`: the test for springs."""
 
     fit: Fit
     shape: Shape

@@ -107,7 +107,12 @@ def _fit() -> Schema:
         more=True,
     )  # fmt: skip
     kind = {"properties": {"kind": {"const": "sweep"}}}
-    return {**shared, "if": kind, "then": {"required": ["delay"]}, "else": {"required": ["thermal", "thermal_p", "cubic"]}}
+    return {
+        **shared,
+        "if": kind,
+        "then": {"required": ["delay"]},
+        "else": {"required": ["thermal", "thermal_p", "cubic"]},
+    }
 
 
 def _advice() -> Schema:

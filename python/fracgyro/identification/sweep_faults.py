@@ -63,8 +63,8 @@ def jump_test(response: Response) -> list[Test]:
         return []
     first, second = response.frequency[worst[1] : worst[1] + 2]
     words = (
-        f"{response.name}: {worst[2]} jumps between {first:.8g} and {second:.8g} Hz, as a nonlinear spring does: repeat "
-        "with a smaller drive; frequencies and damping are not those of a small motion"
+        f"{response.name}: {worst[2]} jumps between {first:.8g} and {second:.8g} Hz, as a nonlinear spring does: "
+        "repeat with a smaller drive; frequencies and damping are not those of a small motion"
     )
     return [Test("jump", "fail", words)]
 
@@ -128,8 +128,9 @@ def lean_test(fit: SweepFit) -> Test:
     at = int(np.argmax(np.abs(score)))
     if abs(score[at]) <= SEEN:
         return Test("springs", "pass", f"{name}: the peaks do not lean (p = {p:.2g})", p)
+    side = "higher" if score[at] > 0 else "lower"
     words = (
-        f"{name}: the peak along {fit.response.axes[at]} leans to {'higher' if score[at] > 0 else 'lower'} frequencies, "
+        f"{name}: the peak along {fit.response.axes[at]} leans to {side} frequencies, "
         f"by about {abs(fit.lean_shift[at]):.2g} Hz at its top: repeat with a smaller drive"
     )
     return Test("springs", "fail", words, p)
