@@ -5,8 +5,9 @@
 with one k for each principal axis of the stiffness; V: these axes, of which the first is seen by x and the second by y
 with a gain of 1. Near the modes x^3 is 3/4 |z|^2 z, where z is the analytic signal.
 
-First the measured motion gives the cube (cubic_force.py). Its score is the test, and its fit the start of the second: maximum likelihood
-with the simulated motion, because in the first the noise of the motion is in the force (cubic_fit.py).
+First the measured motion gives the cube (cubic_force.py). Its score is the test, and its fit the start of the second:
+maximum likelihood with the simulated motion (cubic_fit.py), because in the first the noise of the motion is in the
+force.
 """
 
 from __future__ import annotations

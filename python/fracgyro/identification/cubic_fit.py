@@ -85,7 +85,7 @@ class _Simulated:
 def simulated_fit(
     problem: Forced, best: Array, seen: NDArray[np.int64], fit: Fit, whiten: Sequence[Complex]
 ) -> tuple[Fit, Array, Array, tuple[Array, ...]] | None:
-    """Maximum likelihood from `best`: the fit, k of the axes `seen`, its covariance and the motions; None if too long."""
+    """Maximum likelihood from `best`: the fit, k of the axes `seen`, its covariance, motions; None if too long."""
     shape, n, unit = problem.shape, problem.shape.axes, problem.unit
     parameters, strength = best[: shape.count], np.zeros(n)
     strength[seen] = best[shape.count :]

@@ -117,12 +117,14 @@ def _followed(
     if shape.drives:
         segments = [delayed(each, delay) for each in segments]
     total = only_white(noise)
+    whole: list[Spectrum] | None = None
     for _ in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
         slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
-        segments = [_shortened(each, slowest) for each in segments]
-        whole = [spectrum_of(each) for each in segments]
+        shortened = [_shortened(each, slowest) for each in segments]
+        if whole is None or any(new is not old for new, old in zip(shortened, segments, strict=True)):
+            segments, whole = shortened, [spectrum_of(each) for each in shortened]
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]
