@@ -210,6 +210,17 @@ def test_a_known_rate_shows_the_ratio_of_axes_that_are_not_turned() -> None:
     assert {each.name for each in found.tests if each.verdict == "pass"} == {"whiteness", "agreement"}
 
 
+@pytest.mark.parametrize("records", [1, 2])
+def test_one_known_rate_does_not_free_a_skew_that_only_the_ratio_together_shows(records: int) -> None:
+    device = replace(DUAL_MASS, turn=0.001, rate=0.0)
+    starts = [(1, 0.1, 0.1, -1), (0.2, 1, 0.5, 0.1)]
+    found = fg.identify([device.record(20_000, 8.0, seed=i, start=starts[i], rate=0.0) for i in range(records)])
+    assert "skew" not in found
+    assert "the pick-offs are assumed at right angles: a known rate shows their skew" in found.notes
+    assert found["pickoff_ratio"].interval[0] < 1.01 < found["pickoff_ratio"].interval[1]
+    assert found["pickoff_ratio"].half < 0.1
+
+
 def test_records_of_different_devices_do_not_agree() -> None:
     records = [DUAL_MASS.record(20_000, rate=RATE), replace(DUAL_MASS, turn=0.021).record(20_000, rate=-RATE, seed=1)]
     found = fg.identify(records)

@@ -160,6 +160,14 @@ def test_the_whiteness_of_white_noise_is_uniform() -> None:
     assert np.mean(found) == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.parametrize("bins", [60, 120, 240])
+def test_the_whiteness_of_few_bins_raises_no_more_alarms_than_it_states(bins: int) -> None:
+    generator = np.random.default_rng(bins)
+    rows = generator.normal(size=(3000, bins)) + 1j * generator.normal(size=(3000, bins))
+    alarms = np.mean([whiteness(row) < 0.01 for row in rows])
+    assert 0.005 < alarms < 0.0165  # 0.01 with its deviation of 0.0018
+
+
 @pytest.mark.parametrize("size", [1e-2, 3e-3])
 def test_a_third_mode_is_noticed_with_its_frequency(size: float) -> None:
     values = motion()

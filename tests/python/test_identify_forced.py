@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import fracgyro as fg
 import numpy as np
 import pytest
@@ -65,3 +67,23 @@ def test_a_record_without_noise_gives_the_fraction_of_the_interval() -> None:
     assert fit.delay is not None
     assert fit.delay.samples == 1
     assert fit.delay.fraction == pytest.approx(0.6, abs=2e-3)
+
+
+def test_the_scenario_has_the_delay_in_whole_steps_which_the_controller_knows() -> None:
+    scenario = fg.Scenario.from_toml(fg.identify(forced(3.0, seed=30)).to_toml())
+    assert scenario.device.delay == scenario.datasheet.delay == 8
+    assert 8 * scenario.run.step == pytest.approx(3 * 2 * np.pi / PER_PERIOD, rel=1e-3)
+
+
+def test_a_delay_below_half_a_step_is_no_step_and_is_written_above_the_field() -> None:
+    text = fg.identify(forced(0.0, seed=0)).to_toml()
+    scenario = fg.Scenario.from_toml(text)
+    assert (scenario.device.delay, scenario.run.step) == (0, fg.Scenario.shipped("dual_mass").run.step)
+    assert re.search(r"# Identified from record: delay 0 s, \+- [\d.e-]+ s; 0 steps of this run\.\ndelay = 0", text)
+
+
+def test_a_delay_that_is_too_long_for_the_controller_is_not_set() -> None:
+    record = forced(7.0, seed=70)
+    text = fg.identify(record).to_toml()
+    assert fg.Scenario.from_toml(text).device.delay == 0
+    assert "it is too long to be set" in text

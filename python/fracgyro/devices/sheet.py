@@ -16,13 +16,10 @@ from ..rate.units import DEG_PER_ROOT_H
 from ..scenario import Scenario
 from ..scenario.amounts import amount
 from .commented import commented
-from .shipped_like import TEMPERATURE, Linear, like
+from .shipped_like import FEWEST_STEPS, MAX_DELAY, TEMPERATURE, Linear, like, timing, whole_steps
 
 Value = float | str
 
-MAX_DELAY = 8  # steps, of datasheet.delay
-FEWEST_STEPS = 20  # a period, if the sampling rate is supposed
-LONGEST_RUN = 20_000.0  # 1/omega0
 WARMING = 10.0 / 60.0  # K/s, supposed: 10 K a minute
 FASTER = 10.0  # drift of the damping over that of the stiffness, supposed
 LEAST_NOISE, MOST_NOISE = 1e-20, 1e-5  # m/sqrt(Hz), of which one is searched
@@ -261,23 +258,18 @@ def _timing(
             rule = f"it must be at most {MAX_DELAY} steps of the sampling rate, {MAX_DELAY / hertz:g} s"
             raise ValueError(f"delay is {seconds:g} s: {rule}")
     elif seconds is not None and seconds * omega > step / 2:
-        steps = min(round(seconds * omega / step), MAX_DELAY)
-        step = _digits(seconds * omega / steps)
-        if step > 2 * math.pi / FEWEST_STEPS:
+        found = whole_steps(seconds * omega, step)
+        if found is None:
             longest = MAX_DELAY * 2 * math.pi / FEWEST_STEPS / omega
             raise ValueError(f"delay is {seconds:g} s: without a sampling rate it must be at most {longest:.2g} s")
+        steps, step = found
         said.supposed("run.step", f"sampling rate {omega / step:.6g} Hz, of which the delay is {steps} steps")
     else:
         said.supposed("run.step", f"sampling rate {omega / step:.6g} Hz, steps in a period as in {said.base}")
     words = f"delay {seconds or 0.0:g} s, in whole steps of {step / omega:.4g} s"
     for field in ("device.delay", "datasheet.delay"):
         said.either(field, seconds, words, "no delay")
-    return {
-        "run.step": step,
-        "run.duration": float(f"{step * round(LONGEST_RUN / step):.10g}"),
-        "device.delay": steps,
-        "datasheet.delay": steps,
-    }
+    return timing(steps, step)
 
 
 def _noise(scenario: Scenario, wanted: float) -> float:

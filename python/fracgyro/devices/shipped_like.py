@@ -12,6 +12,9 @@ from ..scenario import Scenario
 TEMPERATURE = 300.0  # K
 BASES = ((50.0, "tuned_in_air"), (1e5, "dual_mass"), (math.inf, "disc"))  # by quality factor, up to these
 RESERVE = 3.0  # least force limit, over the force that the motion needs
+MAX_DELAY = 8  # steps, of datasheet.delay
+FEWEST_STEPS = 20  # a period, if the sampling rate is supposed
+LONGEST_RUN = 20_000.0  # 1/omega0
 
 
 def like(smallest: float, largest: float) -> str:
@@ -19,6 +22,28 @@ def like(smallest: float, largest: float) -> str:
     if smallest < BASES[0][0]:
         return BASES[0][1]
     return next(name for limit, name in BASES[1:] if largest <= limit)
+
+
+def whole_steps(delay: float, step: float) -> tuple[int, float] | None:
+    """A delay in whole steps, and a step near `step` of which it is so many; both times in 1/omega0.
+
+    Without a step if the delay is less than half of one; None if it is too long for `datasheet.delay`.
+    """
+    steps = min(round(delay / step), MAX_DELAY)
+    if steps == 0:
+        return 0, step
+    fitting = float(f"{delay / steps:.10g}")
+    return (steps, fitting) if fitting <= 2 * math.pi / FEWEST_STEPS else None
+
+
+def timing(steps: int, step: float) -> dict[str, float | int]:
+    """Fields of a delay by whole steps, which the controller knows, and of a run with these steps."""
+    return {
+        "run.step": step,
+        "run.duration": float(f"{step * round(LONGEST_RUN / step):.10g}"),
+        "device.delay": steps,
+        "datasheet.delay": steps,
+    }
 
 
 @dataclass(frozen=True)

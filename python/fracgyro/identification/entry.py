@@ -13,17 +13,20 @@ from dataclasses import replace
 
 from ..arguments import number, short
 from ..extras import needs
+from .decays import decay_tests
 from .diagnostics import Test, tests
 from .faults import check_motion, prepared
 from .first_stage import Fitted, fit_segments
 from .found import Found
 from .json_schema import schema
-from .quantity import NORMAL, Quantity, modal
+from .quantity import NORMAL, Quantity, modal, pooled
 from .records import Decay, Given, Record, Response, Segment, State, Sweep, described, finite_pair, of_arrays
 from .results import Condition
 from .second_stage import Known, fit_device
+from .springs import spring_quantities, spring_tests
 from .structure import Group
 from .sweep import SweepFit, fit_sweep, sweep_tests
+from .sweep_faults import direction_tests, jump_test, lean_test, runs
 from .thermal import gain_of_pickoff
 from .trends import Trend, line
 
@@ -78,7 +81,7 @@ class Identify:
             one, more = _read(each)
             notes += more
             if isinstance(one, Response):
-                sweeps.append(one)
+                sweeps += runs(one)
                 files[one.name] = one.digest
             else:
                 if one[0].name in files:
@@ -140,12 +143,14 @@ def _identified(
             check_motion(group)
             found = fit_segments(group, unit)
             fits.append((group[0].state, found))
-            checks += tests(found.fit, found.spectra, found.segments)
+            checks += tests(found.fit, found.spectra, found.segments) + spring_tests(found)
+            checks += decay_tests(found)
             unit = unit or found.unit
         for response in sorted((each for each in sweeps if _is_at(each.state, state)), key=lambda each: each.digest):
             swept = fit_sweep(response)
             fits.append((response.state, swept))
-            checks += sweep_tests(swept)
+            checks += [*sweep_tests(swept), lean_test(swept), *jump_test(response)]
+        checks += direction_tests([fit for _, fit in fits if isinstance(fit, SweepFit)])
         conditions.append(_condition(state, fits, known, notes))
         if conditions[-1].device is not None:
             checks += conditions[-1].device.tests
@@ -168,8 +173,9 @@ def _kind(segment: Segment) -> tuple[float | None, tuple[str, ...], int]:
 def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known: Known, notes: list[str]) -> Condition:
     """Quantities of the device from the fits of one bias and temperature."""
     both = [(each, fit) for each, fit in fits if fit.shape.axes == 2]
-    first = both[0][1] if both else fits[0][1]
-    found = modal(first.shape, first.fit.parameters, first.fit.covariance, first.unit)
+    rate, first = both[0] if both else fits[0]
+    alike = [fit for each, fit in fits if each.rate == rate.rate and _axes(fit) == _axes(first)]
+    found = pooled([modal(each.shape, each.fit.parameters, each.fit.covariance, each.unit) for each in alike])
     device = None
     if both:
         unit = first.unit
@@ -178,7 +184,9 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
         notes += device.notes
     else:
         notes.append("only one pick-off was recorded: coupling, rate and the other axis are not known")
-        found |= _one_axis(first, known)
+        found |= pooled([_one_axis(each, known) for each in alike])
+    timed = [fit for _, fit in fits if isinstance(fit, Fitted)]
+    found |= spring_quantities(timed, known, found.get("pickoff_ratio"), found.get("stiffness_axis"))
     found |= _delay(fits) | _thermal_gain(state, fits, known)
     swept = next((fit for _, fit in fits if isinstance(fit, SweepFit)), None)
     if swept is not None:
@@ -188,6 +196,10 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
             "feedthrough", size, (size - NORMAL * deviation, size + NORMAL * deviation), words, relative=True
         )
     return Condition(state, tuple(fits), device, found)
+
+
+def _axes(fit: Fitted | SweepFit) -> tuple[str, ...]:
+    return fit.response.axes if isinstance(fit, SweepFit) else fit.segments[0].axes
 
 
 def _delay(fits: list[tuple[State, Fitted | SweepFit]]) -> dict[str, Quantity]:

@@ -17,7 +17,7 @@ from .spectra import VISIBLE, visible
 Array = NDArray[np.float64]
 
 LOOKED_AT = 200_000  # samples of which the converter's step is determined
-FEW_LEVELS = 0.2  # levels over samples: below it a converter is visible
+FEW_LEVELS = 0.95  # levels over samples: below it a converter may be visible
 BLOCKS = 200  # blocks in the envelope
 MIN_CLIPPED = 3  # samples
 NEAR = 12  # blocks on each side of a step in the slope of the envelope
@@ -46,6 +46,12 @@ def prepared(segment: Segment) -> tuple[Segment, list[str]]:
     segment, more = without_outliers(segment)
     notes += more
     for axis, row, step in zip(segment.axes, segment.motion, steps, strict=True):
+        if step:
+            unit = segment.units[segment.axes.index(axis)]
+            bits = math.ceil(math.log2(np.ptp(row) / step + 1))
+            notes.append(
+                f"{axis} has steps of {f'{step:.3g} {unit}'.rstrip()}, as of a converter with {bits} bits in use"
+            )
         if step and np.abs(row - row.mean()).max() < COARSE_STEPS * step and _floor(row) < COARSE_NOISE * step:
             notes.append(
                 f"{axis} has only {np.ptp(row) / step:.0f} steps of the converter and less noise than {COARSE_NOISE:g} "

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .cubic import Cubic, with_springs
 from .forced import MAX_DELAY, Delay, delayed, fractional, spectrum_of
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
@@ -31,7 +32,8 @@ LONGEST = 14.0  # times the longest time constant: later samples have only noise
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit, its model, its unit of time (omega0, rad/s), the spectra and segments it is of; `delay`: of the force."""
+    """A fit, its model, its unit of time (omega0, rad/s), the spectra and segments it is of; `delay`: of the force;
+    `cubic`: the test for springs."""
 
     fit: Fit
     shape: Shape
@@ -39,6 +41,7 @@ class Fitted:
     spectra: tuple[Spectrum, ...]
     segments: tuple[Segment, ...]
     delay: Delay | None = None
+    cubic: Cubic | None = None
 
     def plain(self) -> dict[str, Any]:
         """The fit as JSON."""
@@ -58,6 +61,7 @@ class Fitted:
             "bins": sum(len(each.frequency) for each in self.spectra),
             "band_hz": [self.low, self.high],
             **({} if self.delay is None else {"delay": self.delay.plain()}),
+            **({} if self.cubic is None else {"cubic": self.cubic.plain()}),
         }
 
     @property
@@ -94,7 +98,9 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     sums = [math.inf, *(each[0] for each in tried), math.inf]
     likely = [each for each in steps if sums[each + 1] <= min(sums[each], sums[each + 2])]
     fits = [_followed(shape, segments, unit, (low, high), each, *tried[each][1:]) for each in likely]
-    return min(fits, key=_left)
+    best = min(fits, key=_left)
+    fit, springs = with_springs(shape, best.fit, best.spectra, best.segments, unit)
+    return replace(best, fit=fit, cubic=springs)
 
 
 def _followed(
@@ -111,12 +117,14 @@ def _followed(
     if shape.drives:
         segments = [delayed(each, delay) for each in segments]
     total = only_white(noise)
+    whole: list[Spectrum] | None = None
     for _ in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
         slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
-        segments = [_shortened(each, slowest) for each in segments]
-        whole = [spectrum_of(each) for each in segments]
+        shortened = [_shortened(each, slowest) for each in segments]
+        if whole is None or any(new is not old for new, old in zip(shortened, segments, strict=True)):
+            segments, whole = shortened, [spectrum_of(each) for each in shortened]
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]

@@ -61,21 +61,7 @@ def _quantity() -> Schema:
 
 
 def _condition() -> Schema:
-    fit = _table(
-        {
-            "kind": {"enum": ["decay", "forced", "sweep"]},
-            "rate": {"description": "rad/s, of the turntable", **_or_null(NUMBER)},
-            "records": _list(TEXT),
-            "omega0": {"description": "rad/s, unit of the parameters", "type": "number", "exclusiveMinimum": 0},
-            "names": _list(TEXT),
-            "parameters": _list(NUMBER),
-            "covariance": _list(_list(NUMBER)),
-            "noise": {"description": "by record and channel"},
-            "chi_squared": NUMBER,
-            "degrees_of_freedom": {"type": "integer"},
-        },
-        more=True,
-    )
+    fit = _fit()
     device = _table(
         {"omega0": NUMBER, "parameters": _by_name(NUMBER), "covariance": _list(_list(NUMBER)), "chi_squared": NUMBER}
     )
@@ -91,6 +77,42 @@ def _condition() -> Schema:
         "device": device,
     }
     return _table(parts, required=[name for name in parts if name != "device"])
+
+
+def _fit() -> Schema:
+    """A fit of the first stage; those of decays and forced records have the entries of thermal motion."""
+    shared = _table(
+        {
+            "kind": {"enum": ["decay", "forced", "sweep"]},
+            "rate": {"description": "rad/s, of the turntable", **_or_null(NUMBER)},
+            "records": _list(TEXT),
+            "omega0": {"description": "rad/s, unit of the parameters", "type": "number", "exclusiveMinimum": 0},
+            "names": _list(TEXT),
+            "parameters": _list(NUMBER),
+            "covariance": _list(_list(NUMBER)),
+            "noise": {"description": "by record and channel", **_list({"type": ["array", "number"]})},
+            "thermal": {"description": "density of the thermal force by axis, units of omega0", **_list(NUMBER)},
+            "thermal_deviation": _list(NUMBER),
+            "thermal_p": {"description": "probability of this thermal motion without one", **NUMBER},
+            "delay": {"description": "s, of a sweep's instrument; of the force of a record, in intervals",
+                      "anyOf": [NUMBER, _table({"samples": {"type": "integer", "minimum": 0}, "fraction": NUMBER,
+                                                "deviation": _or_null(NUMBER)})]},
+            "chi_squared": NUMBER,
+            "degrees_of_freedom": {"type": "integer"},
+            "cubic": _table({"strength": _list(NUMBER), "deviation": _list(NUMBER), "score": _list(NUMBER),
+                             "largest": _list(NUMBER)}),
+        },
+        ["kind", "rate", "records", "omega0", "names", "parameters", "covariance", "noise", "chi_squared",
+         "degrees_of_freedom"],
+        more=True,
+    )  # fmt: skip
+    kind = {"properties": {"kind": {"const": "sweep"}}}
+    return {
+        **shared,
+        "if": kind,
+        "then": {"required": ["delay"]},
+        "else": {"required": ["thermal", "thermal_p", "cubic"]},
+    }
 
 
 def _advice() -> Schema:

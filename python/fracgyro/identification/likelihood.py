@@ -265,4 +265,7 @@ def _new_noise(
     if (noise.white <= 2 * least[:, None]).any():  # rounding has any spectrum
         return noise
     shapes = thermal_spectra(shape, spectra, unit, found.parameters)
-    return estimated(noise, shapes, whiten, evaluation.parts, evaluation.columns(shape))
+    try:
+        return estimated(noise, shapes, whiten, evaluation.parts, evaluation.columns(shape))
+    except np.linalg.LinAlgError:  # far from the model the variances have no finite likelihood
+        return noise

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from ..analysis.html import embedded
 from ..analysis.style import COLORS, MM, WIDTH, legend_outside, one_panel, own_style, plain
+from .cubic import shift_per
+from .cubic_force import analytic_signal, principal_axes
 from .diagnostics import LAGS, correlation
 from .first_stage import Fitted
-from .model import sampled
+from .model import poles, sampled
 from .profile import LEVEL
 from .second_stage import Device
 from .sweep import SweepFit
@@ -83,6 +85,8 @@ def decay_figure(fitted: Fitted) -> str:
 
 def simulated(fitted: Fitted, i: int) -> Array:
     """The motion that the fit gives for a free record, (axes, samples)."""
+    if fitted.cubic is not None and fitted.cubic.fitted:
+        return fitted.cubic.motions[i]
     segment, n = fitted.segments[i], fitted.shape.axes
     maps = sampled(fitted.shape, fitted.fit.parameters, segment.interval * fitted.unit)
     values, vectors = np.linalg.eig(np.eye(2 * n) + maps.less_one)
@@ -92,6 +96,39 @@ def simulated(fitted: Fitted, i: int) -> Array:
     start = (inverse @ fitted.fit.transients[i][: 2 * n]) / (1 - values**samples) / math.sqrt(2 / samples)
     powers = np.exp(np.outer(np.log(values), np.arange(samples)))
     return np.asarray(np.real((vectors[:n] * start) @ powers))
+
+
+def backbone_figure(fitted: Fitted) -> str:
+    """Frequency of the first record over the square of its amplitude, along each axis with a spring, and the fit."""
+    springs, segment = fitted.cubic, fitted.segments[0]
+    assert springs is not None
+    one, parameters = fitted.spectra[0], fitted.fit.parameters
+    own = np.sort(poles(fitted.shape, parameters).imag) * fitted.unit
+    per = shift_per(fitted.shape, parameters) * fitted.unit / (2 * np.pi)
+    z, base = analytic_signal(principal_axes(fitted.shape, parameters), one, segment)
+    size = max(z.shape[1] // 60, 1)
+    step = segment.interval * segment.motion.shape[1] / z.shape[1]
+    with own_style():
+        figure, panel = one_panel(62)
+        for k, axis in enumerate(segment.axes):
+            if not springs.strength[k]:
+                continue
+            turned = z[k] * np.exp(1j * (base - own[k]) * step * np.arange(z.shape[1]))
+            angle = np.unwrap(np.angle(turned))
+            squared, hertz = [], []
+            for at in range(size, len(angle) - 2 * size, size):  # the ends of a filtered signal are not its own
+                squared.append(float(np.mean(np.abs(turned[at : at + size]) ** 2)))
+                hertz.append(float(np.polyfit(step * np.arange(size), angle[at : at + size], 1)[0] / (2 * np.pi)))
+            kept = np.array(squared) > 0.01 * max(squared)
+            panel.plot(
+                np.array(squared)[kept], np.array(hertz)[kept], ".", color=COLORS[k % 2], markersize=3, label=axis
+            )
+            ends = np.array([0.0, max(squared)])
+            panel.plot(ends, per[k] * springs.strength[k] * ends, color="black", linewidth=0.8, label=f"{axis}, fit")
+        panel.set_xlabel(f"square of the amplitude ({segment.units[0] or 'unit of the record'}²)")
+        panel.set_ylabel("frequency less that of a\nsmall motion (Hz)")
+        legend_outside(panel)
+        return picture(figure, "Frequency over the square of the amplitude")
 
 
 def circle_figure(swept: SweepFit) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,10 @@ MEANINGS = {
     "feedthrough": "direct coupling of drive and pick-off at the resonance",
     "delay": "delay of the force",
     "thermal_pickoff": "motion per unit of the x pick-off, from its thermal motion",
-    "backbone": "shift of the frequency over the square of the amplitude",
+    "backbone_x": "shift of the frequency over the square of the amplitude, along x",
+    "backbone_y": "shift of the frequency over the square of the amplitude, along y",
+    "cubic_x": "cubic stiffness along x",
+    "cubic_y": "cubic stiffness along y",
 }
 
 
@@ -143,6 +146,32 @@ def modal(shape: Shape, parameters: Array, covariance: Array, unit: float) -> di
     if n == 2:
         half = NORMAL * spread[-1]
         found["split"] = Quantity("split", best[-1], (best[-1] - half, best[-1] + half), "Hz")
+    return found
+
+
+def pooled(several: Sequence[dict[str, Quantity]]) -> dict[str, Quantity]:
+    """Weighted means of the modes that independent records of one state show; quality factors by their inverse.
+
+    Where they differ by more than their intervals, those of the mean are wider by the root of chi^2 over its degrees.
+    """
+    if len(several) == 1:
+        return several[0]
+    found = {}
+    for name, first in several[0].items():
+        known = [each[name] for each in several if each[name].determined and each[name].half > 0]
+        if not known:
+            found[name] = first
+            continue
+        inverse = name.startswith("quality")
+        ends = [(1 / each.interval[1], 1 / each.interval[0]) if inverse else each.interval for each in known]
+        half = np.array([(high - low) / 2 for low, high in ends])
+        value = np.array([1 / each.value if inverse else each.value for each in known])
+        mean = float(np.average(value, weights=half**-2))
+        squares = float((((value - mean) * NORMAL / half) ** 2).sum())
+        wide = float((half**-2).sum()) ** -0.5 * max(math.sqrt(squares / max(len(known) - 1, 1)), 1.0)
+        low, high = mean - wide, mean + wide
+        limits = (1 / high, 1 / low if low > 0 else math.inf) if inverse else (low, high)
+        found[name] = replace(known[0], value=1 / mean if inverse else mean, interval=limits)
     return found
 
 

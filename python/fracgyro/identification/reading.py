@@ -18,7 +18,7 @@ from ..rate.record import SECONDS, TIME
 from ..rate.tables import Table, open_table
 from ..rate.times import examine
 from ..rate.units import RATES
-from .records import Decay, Response, Segment, State, Sweep, digest
+from .records import MIN_FREQUENCIES, Decay, Response, Segment, State, Sweep, digest
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,6 @@ RESPONSE = re.compile(
     re.IGNORECASE,
 )
 PARTS = {"re": "re", "real": "re", "im": "im", "imag": "im", "phase": "phase"}
-MIN_FREQUENCIES = 12
 
 
 def read(given: Decay | Sweep) -> tuple[list[Segment] | Response, list[str]]:

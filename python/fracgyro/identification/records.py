@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 AXES = ("x", "y")
 MIN_SAMPLES = 64
+MIN_FREQUENCIES = 12
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ def write_report(
     swept = [fit for _, fit in first.fits if isinstance(fit, SweepFit)]
     spectra = [figure for fit in timed for figure in plots.spectra_figures(fit)]
     decays = [plots.decay_figure(fit) for fit in timed if fit.shape.drives == 0]
+    bent = [plots.backbone_figure(fit) for fit in timed if fit.cubic is not None and fit.cubic.fitted]
     text = page(
         "fracgyro.identification",
         "report.html.jinja",
@@ -39,6 +40,7 @@ def write_report(
         tests=found.tests,
         spectra=spectra[:MAX_FIGURES],
         decays=decays[:1],
+        backbones=bent[:1],
         circles=[(plots.circle_figure(fit), plots.response_figure(fit), fit.response.name) for fit in swept],
         whiteness=plots.whiteness_figure([fit for _, fit in first.fits]),
         profile=plots.profile_figure(first.device) if first.device else None,

@@ -110,7 +110,10 @@ def _priors(groups: Sequence[Group], unit: float, known: Known) -> dict[str, tup
 
 
 def _skew_is_seen(problem: Structure) -> bool:
-    """True if the records determine the skew of the pick-offs."""
+    """True if the records determine the skew of the pick-offs, and the ratio still with it.
+
+    At one known rate, K and D of nearly the same axes give only a combination of both.
+    """
     found = best(problem)
     jacobian = problem.jacobian(found.parameters)
     norms = np.linalg.norm(jacobian, axis=0)
@@ -118,4 +121,6 @@ def _skew_is_seen(problem: Structure) -> bool:
         return False
     values = np.linalg.svd(jacobian / norms, compute_uv=False)
     deviation = math.sqrt(float(found.covariance[problem.names.index("skew"), problem.names.index("skew")]))
-    return bool(values[-1] > SMALL_SINGULAR * values[0] and deviation < MAX_SKEW)
+    if not (values[-1] > SMALL_SINGULAR * values[0] and deviation < MAX_SKEW):
+        return False
+    return not scan(problem, found).open

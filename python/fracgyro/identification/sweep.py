@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from .diagnostics import REJECTED, Test, correlation, whiteness
 from .model import Complex, Shape
 from .records import Response
+from .start import stacked
 from .sweep_model import DELAY, SweepModel, searched
 from .sweep_start import starts
 
@@ -38,7 +40,8 @@ class SweepResult:
 @dataclass(frozen=True)
 class SweepFit:
     """The fit of a sweep. `unit`: omega0, rad/s; `model`: the fitted response, (frequencies, axes, drives); `widened`:
-    factor on all deviations, because the residuals of neighbors are correlated."""
+    factor on all deviations, because the residuals of neighbors are correlated; `direction`: up or down; `lean`: score
+    of a cubic spring along each axis, in deviations; `lean_shift`: of the frequency by it at the peak, Hz."""
 
     fit: SweepResult
     shape: Shape
@@ -51,6 +54,9 @@ class SweepFit:
     delay_deviation: float
     widened: float
     feedthrough_deviation: Array
+    direction: str
+    lean: Array
+    lean_shift: Array
 
     def plain(self) -> dict[str, Any]:
         """The fit as JSON."""
@@ -174,6 +180,7 @@ def _result(
         float(each) / model.unit for each in (parameters[-1], np.sqrt(covariance[count - 1, count - 1]))
     )
     spread = np.hypot(deviations[:, 2], deviations[:, 3]).T
+    lean, lean_shift = _lean(model, parameters, whole / norms, rest, drives)
     return SweepFit(
         result,
         shape,
@@ -186,7 +193,35 @@ def _result(
         deviation,
         widened,
         spread,
+        "up" if response.frequency[-1] > response.frequency[0] else "down",
+        lean / widened,
+        lean_shift,
     )
+
+
+def _lean(model: SweepModel, parameters: Array, others: Array, rest: Array, drives: Array) -> tuple[Array, Array]:
+    """Score of a cubic spring along each axis, and the shift of its frequency at the largest motion, Hz.
+
+    At a frequency the spring is a force -3/4 k |x|^2 x, known but for k from the fitted motion x of a drive.
+    """
+    n, square = model.shape.axes, model.shape.axes**2
+    inverse = model.linear(parameters)[2]
+    phase, delay = parameters[2 * square :]
+    turn = np.exp(-1j * (phase + (model.w - model.middle) * delay))[:, None] / model.noise
+    scores, shifts = [], []
+    for i in range(n):
+        column, largest = [], 0.0
+        for drive in drives.T:
+            x = inverse[:, i, :] @ drive
+            largest = max(largest, float(np.abs(x).max()))
+            column += [stacked((turn * inverse[:, :, i] * (0.75 * np.abs(x) ** 2 * x)[:, None]).ravel()), np.zeros(n)]
+        along = np.concatenate([*column, [0.0]])
+        clear = along - others @ np.linalg.lstsq(others, along, rcond=1e-12)[0]
+        size = max(float(np.linalg.norm(clear)), np.finfo(float).tiny)
+        scores.append(-float(clear @ rest) / size)
+        own = math.sqrt(max(float(parameters[i * n + i]), 1e-6))
+        shifts.append(3 / 8 * scores[-1] / size / own * largest**2 * model.unit / (2 * np.pi))
+    return np.array(scores), np.array(shifts)
 
 
 def sweep_tests(found: SweepFit) -> list[Test]:

@@ -225,16 +225,17 @@ def _likelihood(parts: Sequence[_Part], values: Array) -> tuple[float, Array, Ar
         along = (inverse @ rest[:, :, None])[:, :, 0]
         found -= 0.5 * float(np.real(np.vdot(rest, along)))
         columns = inverse @ part.columns
-        products = inverse @ part.shapes
         used = [j for j in range(len(values)) if part.shapes[j].any()]
-        for j in used:
-            pushed = part.shapes[j] @ columns
-            absorbed = np.real(np.einsum("kap,kaq->pq", columns.conj(), pushed))
-            score[j] -= float(np.real(np.trace(products[j], axis1=1, axis2=2)).sum())
+        products = inverse @ part.shapes[used]
+        turned = columns.reshape(-1, count).conj().T
+        for j, product in zip(used, products, strict=True):
+            absorbed = np.real(turned @ (part.shapes[j] @ columns).reshape(-1, count))
+            score[j] -= float(np.real(np.trace(product, axis1=1, axis2=2)).sum())
             score[j] += 0.5 * float((solved * absorbed).sum())
-            score[j] += 0.5 * float(np.real(np.einsum("ka,kab,kb->", along.conj(), part.shapes[j], along)))
-            for i in used:
-                information[i, j] += float(np.real(np.einsum("kab,kba->", products[i], products[j])))
+            score[j] += 0.5 * float(np.real(np.vdot(along, (part.shapes[j] @ along[:, :, None])[:, :, 0])))
+        rows = products.reshape(len(used), -1)
+        columns_of = products.transpose(0, 1, 3, 2).reshape(len(used), -1)
+        information[np.ix_(used, used)] += np.real(rows @ columns_of.T)
     return found, score, information
 
 

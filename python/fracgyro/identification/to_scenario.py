@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arguments import short
 from ..devices.commented import commented
-from ..devices.shipped_like import TEMPERATURE, Linear, like
+from ..devices.shipped_like import TEMPERATURE, Linear, like, timing, whole_steps
 from ..scenario import Scenario
 from .first_stage import Fitted
 from .quantity import Quantity
@@ -32,6 +32,7 @@ SOURCES = {
     "plant.angular_rate": ("rate",),
     "device.pickoff_gain_error": ("pickoff_ratio",),
     "device.force_misalignment": ("beta",),
+    "device.cubic_stiffness": ("cubic_x", "cubic_y"),
     "reference.frequency": ("frequency_1", "frequency_2"),
 }
 
@@ -103,10 +104,21 @@ def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
     if found.known.mass is not None:
         temperature = found.conditions[0].state.temperature or TEMPERATURE
         changes["disturbance.density"] = linear.thermal_density(temperature)
+    if "cubic_x" in found or "cubic_y" in found:
+        changes["device.cubic_stiffness"] = tuple(_rounded(found, f"cubic_{axis}") or 0.0 for axis in "xy")
+    delay = _delay(found, base, linear.omega)
+    if delay is not None:
+        changes |= timing(*delay)
     noise = noise_density(found)
     if noise is not None:
         changes["device.position_noise_density"] = float(f"{noise:.4g}")
     return changes
+
+
+def _delay(found: Results, base: Scenario, omega: float) -> tuple[int, float] | None:
+    """Delay of the force in steps, and the step; None without a forced record, or if it is too long for the steps."""
+    delay = found.get("delay")
+    return None if delay is None else whole_steps(max(delay.value, 0.0) * omega, float(base.run.step))
 
 
 def _in_seconds(base: Scenario, linear: Linear) -> dict[str, Any]:
@@ -180,7 +192,8 @@ def _ten(value: float) -> float:
 
 def toml_of(found: Results, axes: Axes = "pickoffs") -> str:
     """The scenario as TOML: its head lists what was assumed, and each identified field has its interval and source."""
-    scenario, comments = scenario_of(found, axes), _field_comments(found)
+    scenario = scenario_of(found, axes)
+    comments = _field_comments(found, scenario)
     words = [f"Identified by fracgyro from {', '.join(found.files) or 'arrays'}; intervals are 95 %."]
     words += [f"{each[0].upper()}{each[1:]}." for each in found.notes]
     words += [f"Test failed: {each.words}." for each in found.tests if each.verdict == "fail"]
@@ -194,7 +207,7 @@ def toml_of(found: Results, axes: Axes = "pickoffs") -> str:
     return commented(scenario, words, comments)
 
 
-def _field_comments(found: Results) -> dict[str, list[str]]:
+def _field_comments(found: Results, scenario: Scenario) -> dict[str, list[str]]:
     """Comments of the fields, by dotted name."""
     names = ", ".join(found.files) or "the records"
     comments: dict[str, list[str]] = {}
@@ -212,6 +225,15 @@ def _field_comments(found: Results) -> dict[str, list[str]]:
                 comments.setdefault(field, []).append(f"Not determined by these records: {each.name}{reason}.")
     if _rate(found) is None:
         comments.setdefault("plant.angular_rate", []).append("The end of the range of the shipped scenario.")
+    for axis in "xy":
+        if f"backbone_{axis}" in found and f"cubic_{axis}" not in found:
+            words = f"{_part(found[f'backbone_{axis}'])}: in N/m^3 with mass and gain of the pick-off."
+            comments.setdefault("device.cubic_stiffness", []).append(f"Identified from {names}: {words}")
+    if "delay" in found:
+        said = f"delay {found['delay'].value:.6g} s, +- {found['delay'].half:.2g} s"
+        in_steps = _delay(found, Scenario.shipped(base_name(found)), scenario.plant.reference_frequency)
+        part = "it is too long to be set" if in_steps is None else f"{in_steps[0]} steps of this run"
+        comments["device.delay"] = [f"Identified from {names}: {said}; {part}."]
     matrix = correction(found)
     if matrix is not None:
         words = f"A controller takes the pick-offs for equal: multiply what is measured by {matrix} before it."
