@@ -18,6 +18,7 @@ from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
 from .design import Plan
+from .points import Points
 from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
@@ -32,7 +33,7 @@ class Block:
     number: int
     first: int  # number of the first point
     base: Scenario
-    values: list[tuple[Any, ...]]  # values of the varied fields, by point
+    values: Points  # values of the varied fields, by point
     seeds: list[int]
     columns: pa.Schema  # point, seed and the varied fields
     thresholds: dict[str, Any]
@@ -52,7 +53,7 @@ class Block:
     def keys(self) -> pa.Table:
         """Key columns `columns`, one row per run."""
         points = np.repeat(np.arange(len(self.values)), len(self.seeds))
-        parameters = [[values[i] for values in self.values] for i in range(len(self.columns) - 2)]
+        parameters = [self.values.column(place) for place in range(len(self.columns) - 2)]
         arrays = [pa.array(self.first + points), pa.array(np.tile(np.array(self.seeds), len(self.values)))]
         arrays += [
             pa.array(column, field.type).take(pa.array(points))

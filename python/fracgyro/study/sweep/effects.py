@@ -116,7 +116,7 @@ def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
     if levels is None:
         spaced = np.geomspace if dimension.scale == "log" else np.linspace
         edges = np.asarray(spaced(dimension.low, dimension.high, bins + 1))
-        values = np.array([float(point[place]) for point in rows.plan.points])[points]
+        values = np.array(rows.plan.points.column(place), dtype=float)[points]
         index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
         log = dimension.scale == "log"
         middles = np.sqrt(edges[1:] * edges[:-1]) if log else 0.5 * (edges[1:] + edges[:-1])
@@ -126,7 +126,7 @@ def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
     numeric = all(isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in levels)
     levels = tuple(sorted(levels)) if numeric else levels
     number = {level: i for i, level in enumerate(levels)}
-    index = np.array([number[point[place]] for point in rows.plan.points])[points]
+    index = np.array([number[value] for value in rows.plan.points.column(place)])[points]
     names = [f"{level:.4g}" if isinstance(level, float) else str(_plain(level)) for level in levels]
     places = np.array(levels, dtype=float) if numeric else np.arange(float(len(levels)))
     log = numeric and len(levels) > 2 and places[0] > 0 and _even(np.log(places)) and not _even(places)
@@ -173,7 +173,7 @@ def rank_correlation(rows: Rows, name: str, dimension: Dimension) -> float:
     left = ~np.isnan(metric)
     sums, counts = (np.bincount(points[left], w, len(rows.plan.points)) for w in (metric[left], None))
     good = counts > 0
-    values = np.array([float(point[place]) for point in rows.plan.points])[good]
+    values = np.array(rows.plan.points.column(place), dtype=float)[good]
     ranks = _ranks(values), _ranks(sums[good] / counts[good])
     if len(values) < 3 or any(np.ptp(r) == 0 for r in ranks):
         return float("nan")
