@@ -25,6 +25,7 @@ from ..sums import Sums
 from .blocks import Block
 from .design import Plan
 from .points import AT_ONCE, Points
+from .totals import Totals, kept
 
 RUNS = "runs"
 SUMS = "runs.sha256"
@@ -37,7 +38,7 @@ class BlockFiles:
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan, work: list[Block], *, resume: bool) -> None:
         """Raises ValueError if the folder is not free, or has another study."""
-        parts = _parts(plan, work)
+        self.plan, parts = plan, _parts(plan, work)
         self.hash = digest(parts)
         about = {"runs": plan.runs, "blocks": len(work), "study": plan.text}
         self.path = claim(Path(path), parts, about, resume=resume)
@@ -62,7 +63,7 @@ class BlockFiles:
 
     def write(self, block: Block, table: pa.Table) -> None:
         with whole_file(self.runs / _name(block)) as scratch:
-            about = {LABEL: self.hash.encode(), AGGREGATES: json.dumps(aggregates(table)).encode()}
+            about = {LABEL: self.hash.encode(), AGGREGATES: json.dumps(self._aggregates(block, table)).encode()}
             labelled = table.replace_schema_metadata(about)
             with open(scratch, "wb") as file:  # pyarrow accepts only names in UTF-8
                 pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
@@ -73,6 +74,24 @@ class BlockFiles:
         self._sums.record()
         files = ((self.runs / _name(block)).read_bytes() for block in work)
         return pa.concat_tables([pq.read_table(pa.BufferReader(data), columns=columns) for data in files])
+
+    def totals(self, work: list[Block]) -> Totals:
+        """Sums over all blocks, which must be finished, from their metadata; also sorts the hashes."""
+        self._sums.record()
+        return Totals.over(self.plan, ((block, self._kept(block)) for block in work))
+
+    def _kept(self, block: Block) -> dict[str, Any]:
+        """The aggregates of a block, from its rows if it was written for another summary."""
+        path = self.runs / _name(block)
+        with path.open("rb") as file:
+            found: dict[str, Any] = json.loads(pq.read_schema(file).metadata[AGGREGATES])
+        if found.get("summary", {}).get("show") == list(dict.fromkeys(self.plan.study.show)):
+            return found
+        return self._aggregates(block, pq.read_table(pa.BufferReader(path.read_bytes())))
+
+    def _aggregates(self, block: Block, table: pa.Table) -> dict[str, Any]:
+        summary = {} if self.plan.study.quantiles else {"summary": kept(self.plan, block, table)}
+        return aggregates(table) | summary
 
 
 def aggregates(table: pa.Table) -> dict[str, Any]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import product, starmap
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from ... import _core
 from ...analysis.metric_names import METRICS, task_columns
 from ...analysis.task_runs import measure_tasks
 from ...scenario import Scenario
@@ -40,6 +41,7 @@ class Block:
     controller: ControllerLike | None  # a user's
     tasks: tuple[str, ...] = ()
     patched: tuple[str, ...] = ()  # fields that are set in the set-up of another point
+    first_seed: int = 0  # its place among all seeds
     few: bool = False  # all runs of the study together are so few that each runs by itself
 
     @property
@@ -70,13 +72,26 @@ class Block:
         numbers = {table.schema.field(name).type for name in others} == {pa.float64()}
         return numbers and bool(table.select(mine).equals(keys))
 
-    def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
-        """The keys with the metrics, null for events that never occur. Uses all processors."""
+    def setups(self) -> Iterator[_core.DeviceSetup] | None:
+        """Set-ups of the points, made when they are used; None if scenarios are needed instead."""
+        if self.controller is not None or self.tasks:
+            return None
+        return Setups(self.base, self.columns.names[2:], self.patched).each(self.first, self.values)
+
+    def measure(
+        self,
+        progress: Callable[[int], object] | None = None,
+        setups: Iterable[_core.DeviceSetup] | None = None,
+        meanwhile: Callable[[], object] | None = None,
+    ) -> pa.Table:
+        """The keys with the metrics, null for events that never occur. Uses all processors.
+
+        `setups`: those of `setups()`, if they exist already; `meanwhile`: called while the last of them run.
+        """
         fields = self.columns.names[2:]
-        if self.controller is None and not self.tasks:
-            setups = Setups(self.base, fields, self.patched)
-            made = starmap(setups.setup, enumerate(self.values, self.first))
-            runs = measure_setups(made, self.seeds, self.few, progress, **self.thresholds)
+        made = self.setups() if setups is None else setups
+        if made is not None:
+            runs = measure_setups(made, self.seeds, self.few, progress, meanwhile, **self.thresholds)
         else:
             points = [dict(zip(fields, values, strict=True)) for values in self.values]
             scenarios = [scenario_of(self.base, n, fields, values) for n, values in enumerate(self.values, self.first)]
@@ -116,6 +131,7 @@ def blocks(plan: Plan) -> list[Block]:
             plan.controller,
             plan.tasks,
             plan.patched,
+            seed,
             plan.runs <= MAX_SINGLE_RUNS,
         )
         for number, (first, seed) in enumerate(pieces)

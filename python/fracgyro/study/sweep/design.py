@@ -81,6 +81,11 @@ class Study(Table):
     show: Annotated[list[Annotated[str, METRIC]], BeforeValidator(_show)] = described(
         list(SHOWN), "Names of the metrics in the summary.", min_length=1
     )
+    quantiles: bool = described(
+        True,
+        "Quantiles, medians, maps and rank correlations in the summary. Without, only the metadata of the blocks is "
+        "read, and memory does not grow with the runs.",
+    )
 
 
 @dataclass
@@ -137,12 +142,21 @@ class Plan:
     def runs(self) -> int:
         return len(self.points) * len(self.seeds)
 
+    @property
+    def sampled(self) -> bool:
+        """True if the points are a random sample of the space."""
+        return self.study.design.kind in ("random", "latin_hypercube", "sobol", "sobol_indices")
+
 
 def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = None) -> Plan:
     """The study file as a plan with valid points. Raises ScenarioError for an invalid file or point."""
     study = load_study(path, Study)
     base = base_scenario(study.scenario, Path(path).parent, study.fixed)
     refuse_both(study.fixed, study.vary)
+    if study.design.kind == "sobol_indices" and not study.quantiles:
+        raise ScenarioError(
+            'quantiles is false: it must be true when design.kind is "sobol_indices", whose indices need all rows'
+        )
     dimensions = read_space(study.vary, base, controller)
     if "disturbance.seed" in {dimension.field for dimension in dimensions}:
         raise ScenarioError("disturbance.seed is in [vary]: use seeds, which apply to every point")
