@@ -15,7 +15,7 @@ from fracgyro.scenario import ScenarioError
 from fracgyro.study import sweep
 from fracgyro.study.space import Dimension
 from fracgyro.study.sweep import blocks, effects
-from fracgyro.study.sweep.block_files import aggregates
+from fracgyro.study.sweep.block_files import BlockFiles, aggregates
 from fracgyro.study.sweep.design import Plan, read_plan
 from fracgyro.study.sweep.points import Points
 from fracgyro.study.sweep.totals import MAX_GROUPS, Moments, Totals, kept
@@ -145,7 +145,7 @@ def test_the_page_comes_from_the_metadata_alone(tmp_path: Path, monkeypatch: pyt
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("rows are read")
 
-    monkeypatch.setattr("fracgyro.study.sweep.block_files.BlockFiles.finished", lambda *_: True)
+    monkeypatch.setattr(BlockFiles, "finished", lambda *_: True)
     monkeypatch.setattr(pq, "read_table", refused)
     sweep(path, tmp_path / "out", resume=True)
     assert first.summary.read_text(encoding="utf-8") == page

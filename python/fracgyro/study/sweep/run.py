@@ -144,9 +144,9 @@ def measured_here(work: list[Block], progress: Callable[[int], object]) -> Itera
     ready: dict[int, list[_core.DeviceSetup]] = {}
 
     def prepare(place: int) -> None:
-        setups = work[place].setups() if place < len(work) else None
-        if setups is not None:
+        if (setups := work[place].setups()) is not None:
             ready[place] = list(setups)
 
     for place, block in enumerate(work):
-        yield block, block.measure(progress, ready.pop(place, None), partial(prepare, place + 1))
+        following = partial(prepare, place + 1) if place + 1 < len(work) else None
+        yield block, block.measure(progress, ready.pop(place, None), following)
