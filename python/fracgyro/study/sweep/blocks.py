@@ -24,6 +24,7 @@ from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
+MAX_BLOCKS = 100_000  # of a study: beyond, blocks have more runs
 STEPS_OF_CALLABLES = 10**6  # per block: Python takes a microsecond per step
 
 
@@ -114,6 +115,7 @@ def blocks(plan: Plan) -> list[Block]:
     """All blocks of the plan, ordered by point, then by seed."""
     native = plan.controller is None or isinstance(plan.controller, Law)
     most = min(max((STEPS_PER_BLOCK if native else STEPS_OF_CALLABLES) // plan.facts.longest, 1), RUNS_PER_BLOCK)
+    most = max(most, -(-plan.runs // MAX_BLOCKS))
     seeds = min(len(plan.seeds), most)
     points = max(most // len(plan.seeds), 1)
     columns = _columns(plan)
