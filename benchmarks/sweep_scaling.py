@@ -231,13 +231,13 @@ def main() -> None:
         f"the looks at the folder every 50 ms {many.median('while running'):.0%} found some.",
     ]
     counts = sorted({1, len(os.sched_getaffinity(0))})
-    there = [on_cluster(workers, 200, SEEDS, 20_000, repeats) for workers in counts]
-    here = swept(200, SEEDS, 20_000, repeats)
+    there = [on_cluster(workers, 200, SEEDS, 20_000, 1) for workers in counts]
+    here = swept(200, SEEDS, 20_000, 1)
     lines += [
         "",
         "## On a cluster",
         "",
-        f"{here.runs:,} runs of 20,000 steps, by processes of Dask on this machine; a worker uses all processors for a "
+        f"{here.runs:,} runs of 20,000 steps, once, by processes of Dask on this machine; a worker uses all processors for a "
         "block.",
         "",
         "| | runs a second | of that without a cluster |",
