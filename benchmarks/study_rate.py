@@ -95,7 +95,8 @@ class Sweeps:
 
     def send(self, count: int, steps: int) -> None:
         assert self.process.stdin is not None
-        self.process.stdin.write(json.dumps(sweep_scaling.study(count, 1, steps).replace("quantiles = true", "")) + "\n")
+        text = sweep_scaling.study(count, 1, steps).replace("quantiles = true", "")  # of which a0c9d84 does not know
+        self.process.stdin.write(json.dumps(text) + "\n")
         self.process.stdin.flush()
 
     def swept(self, count: int, steps: int) -> tuple[float, float]:
@@ -160,16 +161,18 @@ def main() -> None:
         "",
         f"Machine: {machine('xarray', 'pyarrow')}; {threads_available()} threads.",
         "",
-        f"Scenarios that differ in two gains, a seed each; least of {repeats}, in turn. A sweep is timed until its last "
-        "run, planning included.",
+        f"Scenarios that differ in two gains, a seed each; least of {repeats}, in turn. A sweep is timed until its "
+        "last run, planning included.",
         "",
         "| steps | | runs | wall clock, us a run | processor time, us a run |",
         "|---|---|---|---|---|",
         *rows,
         "",
         "Share of the engine's rate that the sweep by this tree reaches: "
-        + "; ".join(f"{wall:.2f} by wall clock and {used:.2f} by processor time with {steps:,} steps"
-                    for steps, wall, used in shares)
+        + "; ".join(
+            f"{wall:.2f} by wall clock and {used:.2f} by processor time with {steps:,} steps"
+            for steps, wall, used in shares
+        )
         + ". Marks: 0.6 and 0.95.",
     ]
     write("study_rate", lines, keep=not options.quick)

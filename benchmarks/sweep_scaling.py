@@ -203,10 +203,10 @@ def main() -> None:
         "",
         f"Machine: {machine('xarray', 'pyarrow', 'distributed')}.",
         "",
-        f"`fracgyro.study.sweep` of points at random, {SEEDS} seeds each, {STEPS:,} steps a run, all metrics; each in a "
-        f"process of its own, median of {repeats}, the largest once. Planning checks every point before anything runs. "
-        "Peak memory is that of the process, Python and its libraries included. Without quantiles the summary reads "
-        "only the metadata of the blocks.",
+        f"`fracgyro.study.sweep` of points at random, {SEEDS} seeds each, {STEPS:,} steps a run, all metrics; each in "
+        f"a process of its own, median of {repeats}, the largest once. Planning checks every point before anything "
+        "runs. Peak memory is that of the process, Python and its libraries included. Without quantiles the summary "
+        "reads only the metadata of the blocks.",
         "",
         "| runs | quantiles | planning | runs a second then | whole sweep | peak memory | rows on disk |",
         "|---|---|---|---|---|---|---|",
@@ -226,9 +226,9 @@ def main() -> None:
     row = many.median("size") / many.runs
     lines += [
         "",
-        f"From {few.runs:,} to {many.runs:,} runs memory grows by {growth[0]:.1f} bytes a run without quantiles, and from "
-        f"{with_few.runs:,} to {with_many.runs:,} by {growth[1]:.0f} with them. Rows are written while the sweep runs: of "
-        f"the looks at the folder every 50 ms {many.median('while running'):.0%} found some.",
+        f"From {few.runs:,} to {many.runs:,} runs memory grows by {growth[0]:.1f} bytes a run without quantiles, "
+        f"and from {with_few.runs:,} to {with_many.runs:,} by {growth[1]:.0f} with them. Rows are written while the "
+        f"sweep runs: of the looks at the folder every 50 ms {many.median('while running'):.0%} found some.",
     ]
     counts = sorted({1, len(os.sched_getaffinity(0))})
     there = [on_cluster(workers, 200, SEEDS, 20_000, 1) for workers in counts]
@@ -237,8 +237,8 @@ def main() -> None:
         "",
         "## On a cluster",
         "",
-        f"{here.runs:,} runs of 20,000 steps, once, by processes of Dask on this machine; a worker uses all processors for a "
-        "block.",
+        f"{here.runs:,} runs of 20,000 steps, once, by processes of Dask on this machine; a worker uses all processors "
+        "for a block.",
         "",
         "| | runs a second | of that without a cluster |",
         "|---|---|---|",
@@ -258,8 +258,8 @@ def main() -> None:
         "",
         f"## {FAR:,} runs on {MACHINES:,} machines",
         "",
-        f"Of the paper's {LONG:,} samples: a machine as this one does {best:.0f} of them a second as a worker, one with "
-        f"{CORES} such cores {large:,.0f} if they share nothing. Simulated with one worker a machine, a scheduler that "
+        f"Of the paper's {LONG:,} samples: a machine as this one does {best:.0f} of them a second as a worker, one "
+        f"with {CORES} such cores {large:,.0f} if they share nothing. Simulated with one worker a machine, a scheduler that "
         f"starts {PER_SECOND} tasks a second, and this client, which takes {1e6 * client:.1f} us to keep a row. Of at "
         f"most {SIMULATED:,} tasks, the rest in proportion.",
         "",

@@ -56,9 +56,7 @@ def rows_and_totals(folder: Path, text: str) -> tuple[Plan, effects.Rows, Totals
 
 
 @pytest.mark.parametrize("most", [4096, 24, 7, 1], ids="blocks of {}".format)
-@pytest.mark.parametrize(
-    ("text", "seeds"), [(SAMPLE, 1), (SAMPLE, 9), (GRID, 1), (GRID, 9), (LIST, 9)]
-)
+@pytest.mark.parametrize(("text", "seeds"), [(SAMPLE, 1), (SAMPLE, 9), (GRID, 1), (GRID, 9), (LIST, 9)])
 def test_figures_of_blocks_are_those_of_all_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, seeds: int, most: int
 ) -> None:
@@ -163,7 +161,7 @@ def test_blocks_that_were_written_for_another_summary_are_read(tmp_path: Path) -
 
 def test_indices_need_rows(tmp_path: Path) -> None:
     text = 'quantiles = false\n[design]\nkind = "sobol_indices"\npoints = 16\n'
-    with pytest.raises(ScenarioError, match=r'quantiles is false: it must be true when design\.kind is "sobol_indices"'):
+    with pytest.raises(ScenarioError, match=r'^quantiles is false: it must be true when design\.kind is "sobol_ind'):
         read_plan(study(tmp_path, text + "[vary]\ncontroller.order = { low = 0.2, high = 0.8 }\n"))
 
 

@@ -79,7 +79,7 @@ class Commands(click.Group):
 
 
 def entry_points(group: str) -> Iterator[tuple[str, str, str]]:
-    """Name, module and object of the entry points that installed packages register in a group, in the order of the path.
+    """Name, module and object of the entry points that installed packages register in a group, in the path's order.
 
     Reads the files of https://packaging.python.org/specifications/entry-points, as importlib.metadata does, which takes
     a third of the time of `--help` to import.
