@@ -259,8 +259,8 @@ def main() -> None:
         f"## {FAR:,} runs on {MACHINES:,} machines",
         "",
         f"Of the paper's {LONG:,} samples: a machine as this one does {best:.0f} of them a second as a worker, one "
-        f"with {CORES} such cores {large:,.0f} if they share nothing. Simulated with one worker a machine, a scheduler that "
-        f"starts {PER_SECOND} tasks a second, and this client, which takes {1e6 * client:.1f} us to keep a row. Of at "
+        f"with {CORES} such cores {large:,.0f} if they share nothing. Simulated with one worker a machine, a scheduler "
+        f"that starts {PER_SECOND} tasks a second, and this client, which takes {1e6 * client:.1f} us to keep a row. Of at "
         f"most {SIMULATED:,} tasks, the rest in proportion.",
         "",
         "| machines and tasks | runs a task | time of a task | tasks a second, if none waited | time | part of the "
