@@ -260,8 +260,8 @@ def main() -> None:
         "",
         f"Of the paper's {LONG:,} samples: a machine as this one does {best:.0f} of them a second as a worker, one "
         f"with {CORES} such cores {large:,.0f} if they share nothing. Simulated with one worker a machine, a scheduler "
-        f"that starts {PER_SECOND} tasks a second, and this client, which takes {1e6 * client:.1f} us to keep a row. Of at "
-        f"most {SIMULATED:,} tasks, the rest in proportion.",
+        f"that starts {PER_SECOND} tasks a second, and this client, which takes {1e6 * client:.1f} us to keep a row. "
+        f"Of at most {SIMULATED:,} tasks, the rest in proportion.",
         "",
         "| machines and tasks | runs a task | time of a task | tasks a second, if none waited | time | part of the "
         "machines' rate |",
