@@ -1,16 +1,24 @@
 """Runs a second of a sweep against the engine's own rate; writes benchmarks/results/study_rate.md.
 
-    python benchmarks/study_rate.py [--quick]
+    python benchmarks/study_rate.py [--against COMMIT] [--quick]
 
-All rows in one run, in turn. The engine's rate is that of `_core.measure_runs` with set-ups that exist already.
+All rows in one run, in turn. The engine's rate is that of `_core.measure_runs` with set-ups that exist already. The
+other commit's Python runs with this tree's compiled module, so that it differs in nothing else.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
 import tempfile
 import time
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
 import fracgyro as fg
@@ -23,43 +31,46 @@ from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py", "python/fracgyro/scenario/patched.py"]
 
-BASE = fg.Scenario.paper().replace({"run.duration": 1.0})
-SWEEP = "a sweep, planned and run"
+ROOT = Path(__file__).resolve().parent.parent
 FIELDS = ["adaptation.rate_gain", "adaptation.stiffness_gain"]
+# Steps of a run and number of runs.
+SIZES = ((1_000, 20_000), (80_001, 512))
+CHILD = """
+import json, sys, tempfile, time
+from pathlib import Path
+import fracgyro as fg
 
-
-def values(count: int) -> list[tuple[float, float]]:
-    return [(50.0 + 250.0 * i / count, 300.0 - 250.0 * i / count) for i in range(count)]
-
-
-def long_way(count: int) -> list[_core.DeviceSetup]:
-    return [core_setup(BASE.replace(dict(zip(FIELDS, point, strict=True)))) for point in values(count)]
-
-
-def patched(count: int) -> list[_core.DeviceSetup]:
-    patch = Patch(BASE, FIELDS)
-    return [patch.setup(point) for point in values(count)]
-
-
-def engine(setups: list[_core.DeviceSetup]) -> None:
-    params = _core.MetricsParams()
-    params.transient = 0.5
-    _core.measure_runs(setups, params, threads_available(), _core.lane_counts()[-1])
-
-
-def swept(count: int) -> tuple[float, float]:
-    """Wall clock and processor time of a sweep until its last run, s; its summary takes the same whatever its size."""
-    marks: list[tuple[float, float]] = []
+def swept(text):
+    marks = []
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.toml"
-        study.write_text(sweep_scaling.study(count, 1, 1000), encoding="utf-8")
+        study.write_text(text, encoding="utf-8")
         begin = time.perf_counter(), time.process_time()
-        fg.study.sweep(
-            study,
-            Path(folder) / "out",
-            progress=lambda *_: marks.append((time.perf_counter() - begin[0], time.process_time() - begin[1])),
-        )
+        now = lambda: (time.perf_counter() - begin[0], time.process_time() - begin[1])
+        fg.study.sweep(study, Path(folder) / "out", progress=lambda *_: marks.append(now()))
     return marks[-1]
+
+swept(json.loads(sys.stdin.readline()))
+for line in sys.stdin:
+    print(json.dumps(swept(json.loads(line))), flush=True)
+"""
+
+
+def setups(steps: int, count: int) -> list[_core.DeviceSetup]:
+    base = fg.Scenario.paper().replace({"run.duration": steps * 1e-3})
+    return list(Patch(base, FIELDS).setups([(50 + 250 * i / count, 300 - 250 * i / count) for i in range(count)]))
+
+
+def long_way(count: int) -> None:
+    base = fg.Scenario.paper().replace({"run.duration": 1.0})
+    for i in range(count):
+        core_setup(base.replace(dict(zip(FIELDS, (50.0 + i / count, 300.0 - i / count), strict=True))))
+
+
+def engine(made: list[_core.DeviceSetup], steps: int) -> None:
+    params = _core.MetricsParams()
+    params.transient = steps * 0.5e-3
+    _core.measure_runs(made, params, threads_available(), _core.lane_counts()[-1])
 
 
 def times(act: Callable[[], object]) -> tuple[float, float]:
@@ -69,28 +80,80 @@ def times(act: Callable[[], object]) -> tuple[float, float]:
     return time.perf_counter() - wall, time.process_time() - used
 
 
+class Sweeps:
+    """A process that times sweeps until their last run; their summaries take the same whatever the number of runs."""
+
+    def __init__(self, package: Path | None) -> None:
+        words, given = [sys.executable, "-c", CHILD], dict(os.environ)
+        if package is not None:
+            words.insert(1, "-S")  # or the editable installation would be found first
+            given["PYTHONPATH"] = os.pathsep.join([str(package), sysconfig.get_path("purelib")])
+        self.process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=given, cwd=tempfile.gettempdir()
+        )
+        self.send(10, 100)  # imports
+
+    def send(self, count: int, steps: int) -> None:
+        assert self.process.stdin is not None
+        text = sweep_scaling.study(count, 1, steps).replace("quantiles = true", "")  # of which a0c9d84 does not know
+        self.process.stdin.write(json.dumps(text) + "\n")
+        self.process.stdin.flush()
+
+    def swept(self, count: int, steps: int) -> tuple[float, float]:
+        """Wall clock and processor time, s."""
+        self.send(count, steps)
+        assert self.process.stdout is not None
+        wall, used = json.loads(self.process.stdout.readline())
+        return wall, used
+
+
+def package_of(commit: str, folder: Path) -> Path:
+    """The Python of that commit with the compiled module of this tree."""
+    done = subprocess.run(["git", "archive", commit, "python/fracgyro"], cwd=ROOT, check=True, capture_output=True)
+    with tarfile.open(fileobj=BytesIO(done.stdout)) as archive:
+        archive.extractall(folder, filter="data")
+    module = Path(_core.__file__)
+    (folder / "python/fracgyro" / module.name).symlink_to(module)
+    return folder / "python"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer runs, once; not written")
-    quick = parser.parse_args().quick
-    count, repeats = (2_000, 1) if quick else (20_000, 3)
-    few = count // 10  # the long way is slow
-    setups = patched(count)
-    swept(10)
-    parts: dict[str, tuple[int, Callable[[], object]]] = {
-        "set-ups, the long way": (few, lambda: long_way(few)),
-        "set-ups, patched": (count, lambda: patched(count)),
-        "the engine": (count, lambda: engine(setups)),
-    }
-    runs = {name: each for name, (each, _) in parts.items()}
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in [*parts, SWEEP]}
-    for _ in range(repeats):
-        for name, (_, act) in parts.items():
-            found[name].append(times(act))
-        found[SWEEP].append(swept(count))
-    least = {name: tuple(min(column) for column in zip(*each, strict=True)) for name, each in found.items()}
-    per_run = {name: [1e6 * each / runs.get(name, count) for each in both] for name, both in least.items()}
-    rate, sweep, long = (per_run[name][0] for name in ("the engine", SWEEP, "set-ups, the long way"))
+    parser.add_argument("--against", default="a0c9d84", help="commit to compare with")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the runs, once; not written")
+    options = parser.parse_args()
+    repeats, part = (1, 10) if options.quick else (3, 1)
+    rows, shares = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        sweeps = {
+            f"a sweep by {options.against}": Sweeps(package_of(options.against, Path(folder))),
+            "a sweep by this tree": Sweeps(None),
+        }
+        for steps, all_runs in SIZES:
+            count = all_runs // part
+            made = setups(steps, count)
+            parts: dict[str, tuple[int, Callable[[], tuple[float, float]]]] = {
+                "the engine": (count, lambda steps=steps, made=made: times(lambda: engine(made, steps)))
+            }
+            if steps == SIZES[0][0]:
+                parts["set-ups, the long way"] = (count // 20, lambda count=count: times(lambda: long_way(count // 20)))
+                parts["set-ups, patched"] = (count, lambda count=count: times(lambda: setups(1_000, count)))
+            for name, by in sweeps.items():
+                runs = count // 10 if by is not list(sweeps.values())[-1] and steps == SIZES[0][0] else count
+                parts[name] = (runs, lambda by=by, runs=runs, steps=steps: by.swept(runs, steps))
+            found: dict[str, list[tuple[float, float]]] = {name: [] for name in parts}
+            for _ in range(repeats):
+                for name, (_, act) in parts.items():
+                    found[name].append(act())
+            least = {
+                name: [1e6 * min(column) / parts[name][0] for column in zip(*each, strict=True)]
+                for name, each in found.items()
+            }
+            for name, (wall, used) in least.items():
+                rows.append(f"| {steps:,} | {name} | {parts[name][0]:,} | {wall:.1f} | {used:.1f} |")
+            of_engine = least["the engine"]
+            now = least["a sweep by this tree"]
+            shares.append((steps, *(a / b for a, b in zip(of_engine, now, strict=True))))
     lines = [
         "# A sweep against the engine",
         "",
@@ -98,18 +161,21 @@ def main() -> None:
         "",
         f"Machine: {machine('xarray', 'pyarrow')}; {threads_available()} threads.",
         "",
-        f"{count:,} scenarios of {BASE.run.steps:,} steps that differ in two gains, a seed each; least of {repeats}. A "
-        "sweep is timed until its last run.",
+        f"Scenarios that differ in two gains, a seed each; least of {repeats}, in turn. A sweep is timed until its "
+        "last run, planning included.",
         "",
-        "| | wall clock, us a run | processor time, us a run |",
-        "|---|---|---|",
-        *(f"| {name} | {wall:.1f} | {used:.1f} |" for name, (wall, used) in per_run.items()),
+        "| steps | | runs | wall clock, us a run | processor time, us a run |",
+        "|---|---|---|---|---|",
+        *rows,
         "",
-        f"By wall clock the sweep reaches {rate / sweep:.2f} of the engine's rate; with set-ups made the long way, "
-        "twice as planning and running did, one after the other, it would be at most "
-        f"{rate / (rate + 2 * long):.2f}.",
+        "Share of the engine's rate that the sweep by this tree reaches: "
+        + "; ".join(
+            f"{wall:.2f} by wall clock and {used:.2f} by processor time with {steps:,} steps"
+            for steps, wall, used in shares
+        )
+        + ". Marks: 0.6 and 0.95.",
     ]
-    write("study_rate", lines, keep=not quick)
+    write("study_rate", lines, keep=not options.quick)
 
 
 if __name__ == "__main__":

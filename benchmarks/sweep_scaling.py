@@ -8,6 +8,7 @@ Each sweep in a process of its own, whose peak memory is read when it ends.
 from __future__ import annotations
 
 import argparse
+import heapq
 import json
 import os
 import statistics
@@ -16,24 +17,32 @@ import sys
 import tempfile
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fracgyro.study.cluster import TASK
+from fracgyro.study.sweep.blocks import MAX_BLOCKS
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py"]
 
-POINTS, SEEDS = (100, 1_000, 10_000), 10
-STEPS = 1_000
+# Points: with quantiles in the summary, and without.
+POINTS, WITHOUT, SEEDS = (1_000, 10_000), (1_000, 10_000, 100_000), 10
+STEPS = 100
 REPEATS = 3
 FAR = 10**9  # runs
 MACHINES = 1_000
+PER_SECOND = 500  # tasks that a scheduler of Dask starts, assumed
+SIMULATED = 50_000  # tasks of a simulated cluster, at most
+CORES = 64  # of the larger machines
 LONG = 80_001  # samples of the paper's run
 
 
-def study(points: int, seeds: int, steps: int) -> str:
+def study(points: int, seeds: int, steps: int, quantiles: bool = True) -> str:
     return f"""seeds = {seeds}
+quantiles = {str(quantiles).lower()}
 [fixed]
 run.duration = {steps * 1e-3}
 [metrics]
@@ -52,8 +61,17 @@ def child(folder: str, scheduler: str | None) -> None:
     import resource
 
     import fracgyro as fg
+    from fracgyro.study.sweep.block_files import BlockFiles
 
     runs = Path(folder) / "out" / "runs"
+    write, writing = BlockFiles.write, [0.0]
+
+    def timed(*words: Any) -> None:
+        start = time.perf_counter()
+        write(*words)
+        writing[0] += time.perf_counter() - start
+
+    BlockFiles.write = timed
     seen: list[int] = []  # bytes in the folder while it runs
     over = threading.Event()
 
@@ -80,6 +98,7 @@ def child(folder: str, scheduler: str | None) -> None:
                 "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
                 "size": sum(entry.stat().st_size for entry in runs.iterdir()),
                 "while running": sum(size > 0 for size in seen) / max(len(seen), 1),
+                "writing": writing[0],
             }
         )
     )
@@ -94,11 +113,13 @@ class Took:
         return statistics.median(each[what] for each in self.found)
 
 
-def swept(points: int, seeds: int, steps: int, repeats: int, scheduler: str | None = None) -> Took:
+def swept(
+    points: int, seeds: int, steps: int, repeats: int, scheduler: str | None = None, quantiles: bool = True
+) -> Took:
     found = []
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / "study.toml").write_text(study(points, seeds, steps), encoding="utf-8")
+            (Path(folder) / "study.toml").write_text(study(points, seeds, steps, quantiles), encoding="utf-8")
             words = [sys.executable, __file__, "--child", folder, *(["--scheduler", scheduler] if scheduler else [])]
             done = subprocess.run(words, check=True, capture_output=True, text=True)
             found.append(json.loads(done.stdout.splitlines()[-1]))
@@ -114,6 +135,54 @@ def on_cluster(workers: int, points: int, seeds: int, steps: int, repeats: int) 
         return swept(points, seeds, steps, repeats, cluster.scheduler_address)
 
 
+def simulated(tasks: int, machines: int, seconds: float, client: float) -> float:
+    """Time of so many tasks of `seconds` each, s, if the scheduler starts PER_SECOND and the client keeps their rows.
+
+    A machine has one task under way and one that waits; the client submits another when it has kept a result, which
+    takes it `client` s.
+    """
+    scheduled, kept = 0.0, 0.0  # until when each is busy
+    queues = [deque[float]() for _ in range(machines)]  # when the tasks that wait there arrived
+    events: list[tuple[float, int]] = []
+    left = tasks
+    for round_ in range(2):
+        for machine_ in range(min(machines, left)):
+            scheduled += 1 / PER_SECOND
+            left -= 1
+            if round_ == 0:
+                heapq.heappush(events, (scheduled + seconds, machine_))
+            else:
+                queues[machine_].append(scheduled)
+    idle: dict[int, float] = {}
+    while events:
+        now, machine_ = heapq.heappop(events)
+        if queues[machine_]:
+            heapq.heappush(events, (max(now, queues[machine_].popleft()) + seconds, machine_))
+        else:
+            idle[machine_] = now
+        kept = max(kept, now) + client
+        if left:
+            left -= 1
+            scheduled = max(scheduled, kept) + 1 / PER_SECOND
+            if machine_ in idle:
+                del idle[machine_]
+                heapq.heappush(events, (scheduled + seconds, machine_))
+            else:
+                queues[machine_].append(scheduled)
+    return kept
+
+
+def plan_row(name: str, runs: int, rate: float, client: float) -> str:
+    """A row of the plan: tasks of so many runs, on machines of so many runs a second; `client`: s a run."""
+    tasks = min(-(-FAR // runs), SIMULATED)
+    took = simulated(tasks, MACHINES, runs / rate, client * runs) * FAR / (tasks * runs)
+    least = FAR / (MACHINES * rate)
+    return (
+        f"| {name} | {runs:,} | {runs / rate:.2f} s | {MACHINES * rate / runs:,.0f} | {took / 60:,.1f} min | "
+        f"{least / took:.2f} |"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="once, and not the most runs; not written")
@@ -124,7 +193,9 @@ def main() -> None:
         child(options.child, options.scheduler)
         return
     repeats = 1 if options.quick else REPEATS
-    sizes = [swept(points, SEEDS, STEPS, repeats) for points in (POINTS[:-1] if options.quick else POINTS)]
+    sizes = [(True, swept(points, SEEDS, STEPS, repeats)) for points in POINTS]
+    for points in WITHOUT[:-1] if options.quick else WITHOUT:
+        sizes.append((False, swept(points, SEEDS, STEPS, 1 if points > 10_000 else repeats, quantiles=False)))
     lines = [
         "# Sweeps of many runs",
         "",
@@ -132,41 +203,42 @@ def main() -> None:
         "",
         f"Machine: {machine('xarray', 'pyarrow', 'distributed')}.",
         "",
-        f"`fracgyro.study.sweep` of points at random, {SEEDS} seeds each, {STEPS:,} steps a run, all metrics; "
-        f"each in a "
-        f"process of its own, median of {repeats}. Planning checks every point before anything runs. Peak "
-        f"memory is that "
-        "of the process, Python and its libraries included.",
+        f"`fracgyro.study.sweep` of points at random, {SEEDS} seeds each, {STEPS:,} steps a run, all metrics; each in "
+        f"a process of its own, median of {repeats}, the largest once. Planning checks every point before anything "
+        "runs. Peak memory is that of the process, Python and its libraries included. Without quantiles the summary "
+        "reads only the metadata of the blocks.",
         "",
-        "| runs | planning | runs a second then | whole sweep | peak memory | rows on disk |",
-        "|---|---|---|---|---|---|",
+        "| runs | quantiles | planning | runs a second then | whole sweep | peak memory | rows on disk |",
+        "|---|---|---|---|---|---|---|",
     ]
-    for took in sizes:
+    for quantiles, took in sizes:
         lines.append(
-            f"| {took.runs:,} | {took.median('planned'):.2f} s | {took.runs / took.median('measured'):,.0f} | "
-            f"{took.median('seconds'):.2f} s | {took.median('peak') / 1e6:.0f} MB | "
-            f"{took.median('size') / 1e6:.2f} MB |"
+            f"| {took.runs:,} | {'yes' if quantiles else 'no'} | {took.median('planned'):.2f} s | "
+            f"{took.runs / took.median('measured'):,.0f} | {took.median('seconds'):.2f} s | "
+            f"{took.median('peak') / 1e6:.0f} MB | {took.median('size') / 1e6:.2f} MB |"
         )
-    few, many = sizes[-2:]
-    growth = (many.median("peak") - few.median("peak")) / (many.runs - few.runs)
+    few, many = [took for quantiles, took in sizes if not quantiles][-2:]
+    with_few, with_many = (took for quantiles, took in sizes if quantiles)
+    growth = [
+        (large.median("peak") - small.median("peak")) / (large.runs - small.runs)
+        for small, large in ((few, many), (with_few, with_many))
+    ]
     row = many.median("size") / many.runs
-    share = many.median("while running")
     lines += [
         "",
-        f"From {few.runs:,} to {many.runs:,} runs memory grows by {growth:.0f} bytes a run, which are the "
-        f"points, and the "
-        f"columns that the summary shows; a million runs take {(few.median('peak') + growth * 1e6) / 1e6:.0f} MB. Rows "
-        f"are written while the sweep runs: of the looks at the folder every 50 ms {share:.0%} found some.",
+        f"From {few.runs:,} to {many.runs:,} runs memory grows by {growth[0]:.1f} bytes a run without quantiles, "
+        f"and from {with_few.runs:,} to {with_many.runs:,} by {growth[1]:.0f} with them. Rows are written while the "
+        f"sweep runs: of the looks at the folder every 50 ms {many.median('while running'):.0%} found some.",
     ]
     counts = sorted({1, len(os.sched_getaffinity(0))})
-    there = [on_cluster(workers, 200, SEEDS, 20_000, repeats) for workers in counts]
-    here = swept(200, SEEDS, 20_000, repeats)
+    there = [on_cluster(workers, 200, SEEDS, 20_000, 1) for workers in counts]
+    here = swept(200, SEEDS, 20_000, 1)
     lines += [
         "",
         "## On a cluster",
         "",
-        f"{here.runs:,} runs of 20,000 steps, by processes of Dask on this machine; a worker uses all processors for a "
-        "block.",
+        f"{here.runs:,} runs of 20,000 steps, once, by processes of Dask on this machine; a worker uses all processors "
+        "for a block.",
         "",
         "| | runs a second | of that without a cluster |",
         "|---|---|---|",
@@ -178,21 +250,33 @@ def main() -> None:
             f"| {workers} worker{'s' * (workers > 1)} | {took.runs / took.median('measured'):,.0f} | {part:.2f} |"
         )
     rate = 20_000 / LONG * here.runs / here.median("measured")
-    best = max(here.median("measured") / took.median("measured") for took in there)
-    hours = FAR / (MACHINES * rate * best) / 3600
+    best = rate * max(here.median("measured") / took.median("measured") for took in there)
+    client = many.median("writing") / many.runs
+    large = best * CORES / len(os.sched_getaffinity(0))
+    old, now = 2 * 10**7 // LONG, FAR // MAX_BLOCKS
     lines += [
         "",
         f"## {FAR:,} runs on {MACHINES:,} machines",
         "",
-        f"Of the paper's {LONG:,} samples: a machine as this one does {rate:.0f} of them a second by itself and "
-        f"{rate * best:.0f} as a worker, so {MACHINES:,} take {hours:.1f} hours, if each is as fast as this one and "
-        f"has work all the time. Its rows are {FAR * row / 1e9:.0f} GB, {MACHINES * rate * best * row / 1e6:.0f} MB a "
-        "second, which one disk takes.",
+        f"Of the paper's {LONG:,} samples: a machine as this one does {best:.0f} of them a second as a worker, one "
+        f"with {CORES} such cores {large:,.0f} if they share nothing. Simulated with one worker a machine, a scheduler "
+        f"that starts {PER_SECOND} tasks a second, and this client, which takes {1e6 * client:.1f} us to keep a row. "
+        f"Of at most {SIMULATED:,} tasks, the rest in proportion.",
         "",
-        f"That is not to be had as it is: at 250 runs a block {MACHINES * rate * best / 250:,.0f} blocks would finish "
-        "a second, and a scheduler of Dask gives out some thousand tasks a second (not measured here), so that blocks "
-        "would have to be several times larger. A study has at most a million points, each with up to a million seeds, "
-        "and one process checks them before it starts.",
+        "| machines and tasks | runs a task | time of a task | tasks a second, if none waited | time | part of the "
+        "machines' rate |",
+        "|---|---|---|---|---|---|",
+        plan_row("as this one, blocks of 2·10⁷ steps, each a task", old, best, client),
+        plan_row(f"as this one, at most {MAX_BLOCKS:,} blocks, each a task", now, best, client),
+        plan_row("the same, if workers wrote the rows", now, best, 0.0),
+        plan_row(f"{CORES} cores, blocks of 2·10⁷ steps, each a task", old, large, 0.0),
+        plan_row(f"{CORES} cores, at most {MAX_BLOCKS:,} blocks, each a task, workers write", now, large, 0.0),
+        plan_row(f"{CORES} cores, tasks of {TASK:g} s, workers write", int(TASK * large), large, 0.0),
+        "",
+        f"A study of so many runs has {MAX_BLOCKS:,} blocks of {now:,} runs, and a task has as many blocks as take "
+        f"{TASK:g} s. Its rows are {FAR * row / 1e9:.0f} GB, {MACHINES * best * row / 1e6:.0f} MB a second: all go "
+        f"through the client, which keeps {row / client / 1e6:.0f} MB a second. A study has at most a million points, "
+        "each with up to a million seeds.",
     ]
     write("sweep_scaling", lines, keep=not options.quick)
 

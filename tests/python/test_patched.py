@@ -13,13 +13,14 @@ from fracgyro import _core
 from fracgyro.scenario import checks, patched
 from fracgyro.scenario.kinds import KINDS, numbers
 from fracgyro.scenario.messages import leaves
-from fracgyro.scenario.patched import Patch, are_valid, patched_fields
+from fracgyro.scenario.patched import AT_ONCE, Patch, are_valid, patched_fields
 from fracgyro.scenario.scenario import Scenario
 from fracgyro.scenario.schema import Adaptation, Controller
 from fracgyro.scenario.shipped import NAMES
 from fracgyro.scenario.to_core import core_setup, parts
 from fracgyro.scenario.toml import _plain_tables
 from fracgyro.study.space import Dimension
+from fracgyro.study.sweep.points import Points
 from fracgyro.study.sweep.setups import Setups, fields_to_patch, scenario_of
 from hypothesis import given
 from hypothesis import strategies as st
@@ -47,11 +48,12 @@ def test_a_patched_set_up_is_the_long_way_s_for_every_field(field: str) -> None:
     changed = base.replace({field: value})
     own = patched_fields(base, [field])
     given = changed if not own else base
-    made = Patch(given, own).setup(tuple(value for _ in own))
+    patch, point = Patch(given, own), tuple(value for _ in own)
     expected = core_setup(changed)
-    assert _core.setup_settings(made) == _core.setup_settings(expected)
-    assert _core.setup_kernel(made) == _core.setup_kernel(expected)
-    assert (made.sensing, made.seed, made.kind) == (expected.sensing, expected.seed, expected.kind)
+    for made in (patch.setup(point), *patch.setups([point, point])):
+        assert _core.setup_settings(made) == _core.setup_settings(expected)
+        assert _core.setup_kernel(made) == _core.setup_kernel(expected)
+        assert (made.sensing, made.seed, made.kind) == (expected.sensing, expected.seed, expected.kind)
     if own:  # all else that a set-up is made of
         rest = {"numbers": {}, "memory": (0.0,) * 4}
         assert parts(base)._replace(**rest) == parts(changed)._replace(**rest)
@@ -126,9 +128,33 @@ def test_a_column_is_valid_as_its_ends_are() -> None:
 
 def test_negative_zero_is_zero_in_a_patched_set_up() -> None:
     base = fg.Scenario.paper()
-    made = Patch(base, ["controller.fractional_gain"]).setup(((-0.0, 5.0),))
+    patch = Patch(base, ["controller.fractional_gain"])
     place = [number.path for number in numbers(base.controller.kind)].index("controller.fractional_gain")
-    assert np.copysign(1.0, _core.setup_settings(made)[place]) == 1.0
+    for made in (patch.setup(((-0.0, 5.0),)), *patch.setups([((-0.0, 5.0),)])):
+        assert np.copysign(1.0, _core.setup_settings(made)[place]) == 1.0
+
+
+def test_many_patched_set_ups_are_those_of_each_point() -> None:
+    """In any order of the fields, also those of which only the places in the core ascend."""
+    base = fg.Scenario.paper()
+    fields = ["adaptation.rate_gain", "controller.order", "controller.fractional_gain", "adaptation.stiffness_gain"]
+    assert patched_fields(base, fields) == fields
+    rng = np.random.default_rng(0)
+    points = [(r, o, (x, y), s) for r, o, x, y, s in rng.uniform(0.1, 0.9, (AT_ONCE + 3, 5)).tolist()]
+    patch = Patch(base, fields)
+    made = list(patch.setups(points))
+    assert len(made) == len(points)
+    for place in (0, 1, AT_ONCE - 1, AT_ONCE, AT_ONCE + 2):
+        expected = patch.setup(points[place])
+        assert _core.setup_settings(made[place]) == _core.setup_settings(expected)
+        assert _core.setup_kernel(made[place]) == _core.setup_kernel(expected)
+
+
+def test_the_core_refuses_places_that_do_not_ascend() -> None:
+    setup = core_setup(SHORT)
+    for places, width in (([1, 0], 2), ([3, 3], 2), ([3], 2)):
+        with pytest.raises(ValueError, match="one column for each place"):
+            _core.with_settings(setup, places, np.zeros((1, width)))
 
 
 # -- The points of a study
@@ -143,9 +169,11 @@ def test_the_set_ups_of_a_study_are_those_of_its_scenarios() -> None:
     assert own == ("adaptation.rate_gain", "controller.order")
     setups = Setups(base, fields, own)
     for number, point in enumerate(product(*choices)):
-        made, expected = setups.setup(number, point), core_setup(scenario_of(base, number, fields, point))
-        assert _core.setup_settings(made) == _core.setup_settings(expected)
-        assert _core.setup_kernel(made) == _core.setup_kernel(expected)
+        expected = core_setup(scenario_of(base, number, fields, point))
+        (of_each,) = setups.each(number, Points.grid(choices)[number : number + 1])
+        for made in (setups.setup(number, point), of_each):
+            assert _core.setup_settings(made) == _core.setup_settings(expected)
+            assert _core.setup_kernel(made) == _core.setup_kernel(expected)
 
 
 def test_a_column_with_an_invalid_value_and_a_kind_that_varies_take_the_long_way() -> None:

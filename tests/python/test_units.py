@@ -516,7 +516,7 @@ def test_a_study_accepts_units(tmp_path: Path) -> None:
     ranged = plan('plant.angular_rate = { low = "-300 deg/s", high = "300 deg/s", steps = 3 }')
     assert [point[0] for point in ranged.points] == pytest.approx([-5.23598775598, 0.0, 5.23598775598])
     listed = plan('run.duration = ["10 ms", 20.0]')
-    assert listed.points == [(10.0,), (20.0,)]
+    assert list(listed.points) == [(10.0,), (20.0,)]
     assert [listed.scenario(k).run.duration for k in (0, 1)] == [10.0, 20.0]
     with pytest.raises(fg.ScenarioError, match=r'^plant.angular_rate is "3 kg": it is a mass; it must be a frequency'):
         plan('plant.angular_rate = ["3 kg"]')

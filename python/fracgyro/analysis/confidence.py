@@ -25,7 +25,10 @@ def mean_interval(values: ArrayLike) -> Mean:
     """The mean of independent values; the interval is infinite for a single one."""
     sample = np.asarray(values, dtype=float)
     mean = float(sample.mean())
-    if sample.size < 2:
-        return Mean(mean, -np.inf, np.inf)
-    half = float(stdtrit(sample.size - 1, 0.975) * sample.std(ddof=1) / np.sqrt(sample.size))
+    half = half_width(sample.size, float(sample.std(ddof=1)) if sample.size > 1 else np.nan)
     return Mean(mean, mean - half, mean + half)
+
+
+def half_width(count: int, deviation: float) -> float:
+    """Half of the interval of the mean of `count` values with this standard deviation."""
+    return float(stdtrit(count - 1, 0.975) * deviation / np.sqrt(count)) if count > 1 else float(np.inf)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import click
@@ -31,8 +33,11 @@ class Commands(click.Group):
         self.known, self.entry_points = known or {}, registered
 
     @cached_property
-    def _registered(self) -> dict[str, EntryPoint]:
-        return {each.name: each for each in entry_points(group=self.entry_points)} if self.entry_points else {}
+    def _registered(self) -> dict[str, tuple[str, str]]:
+        found: dict[str, tuple[str, str]] = {}
+        for name, module, command in entry_points(self.entry_points) if self.entry_points else ():
+            found.setdefault(name, (module, command))
+        return found
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted({*super().list_commands(ctx), *self.known, *self._registered})
@@ -43,7 +48,8 @@ class Commands(click.Group):
                 module, _, name = self.known[cmd_name][0].partition(":")
                 self.add_command(getattr(import_module(f".{module}", __package__), name), cmd_name)
             elif cmd_name in self._registered:
-                self.add_command(self._registered[cmd_name].load(), cmd_name)
+                module, name = self._registered[cmd_name]
+                self.add_command(attrgetter(name)(import_module(module)), cmd_name)
         return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -70,3 +76,22 @@ class Commands(click.Group):
             near = did_you_mean(name, self.list_commands(ctx)) or f"; known are {', '.join(self.list_commands(ctx))}"
             raise click.UsageError(f"{name} is not a command{near}")
         return super().resolve_command(ctx, args)
+
+
+def entry_points(group: str) -> Iterator[tuple[str, str, str]]:
+    """Name, module and object of the entry points that installed packages register in a group, in the path's order.
+
+    Reads the files of https://packaging.python.org/specifications/entry-points, as importlib.metadata does, which takes
+    a third of the time of `--help` to import.
+    """
+    for folder in map(Path, sys.path):
+        for pattern in ("*.dist-info", "*.egg-info"):
+            for path in sorted(folder.glob(f"{pattern}/entry_points.txt")):
+                section = ""
+                for line in map(str.strip, path.read_text(encoding="utf-8", errors="replace").splitlines()):
+                    if line.startswith("["):
+                        section = line.strip("[] ")
+                    elif section == group and "=" in line and not line.startswith(("#", ";")):
+                        name, _, value = line.partition("=")
+                        module, _, rest = value.partition("[")[0].partition(":")
+                        yield name.strip(), module.strip(), rest.strip()

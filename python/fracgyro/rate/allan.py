@@ -174,7 +174,8 @@ def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
     """Allan variance over averages of `averaged` samples, starting at every sample."""
     sums = np.empty(len(record) + 1)
     sums[0] = 0.0
-    np.cumsum(record - record.mean(dtype=np.float64), out=sums[1:])
+    np.subtract(record, record.mean(dtype=np.float64), out=sums[1:])
+    np.cumsum(sums[1:], out=sums[1:])
     found = []
     first, second = np.empty(DIFFERENCES_PER_PASS), np.empty(DIFFERENCES_PER_PASS)
     for m in map(int, averaged):
@@ -186,7 +187,7 @@ def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
                 sums[begin + 2 * m : end + 2 * m], sums[begin + m : end + m], out=second[: end - begin]
             )
             change -= before
-            total += float(np.sum(np.square(change, out=change)))
+            total += float(np.einsum("i,i", change, change))
         found.append(total / count / (2.0 * float(m) ** 2))
     return np.array(found)
 

@@ -111,7 +111,7 @@ def inspect(values: Array, interval: float) -> tuple[Event, ...]:
     if not np.isfinite(record).all():
         at = int(np.argmin(np.isfinite(record)))
         raise ValueError(f"values is {record[at]} at sample {at}: all must be finite")
-    if len(record) and float(np.max(np.abs(record))) > MAX_VALUE:
+    if len(record) and max(float(record.max()), -float(record.min())) > MAX_VALUE:
         at = int(np.argmax(np.abs(record)))
         raise ValueError(f"values is {record[at]:g} at sample {at}: all must be below {MAX_VALUE:g}")
     if len(record) < 2 * MIN_BLOCK:
@@ -157,9 +157,12 @@ def _stride(block: Array) -> int:
 
 def _spread(block: Array) -> float:
     """Variance about the least-squares line."""
-    at = np.arange(len(block)) - (len(block) - 1) / 2
-    slope = float(at @ block) / float(at @ at)
-    return max(float(block.var()) - slope**2 * float(at @ at) / len(block), 0.0)
+    count = len(block)
+    at = np.arange(count) - (count - 1) / 2
+    square = count * (count**2 - 1) / 12  # sum of squares of `at`
+    # Not a product of BLAS, whose threads would wake for each block and then wait.
+    slope = float(np.einsum("i,i", at, block)) / square
+    return max(float(block.var()) - slope**2 * square / count, 0.0)
 
 
 def _inner(block: Array) -> float:

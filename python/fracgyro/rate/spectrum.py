@@ -28,6 +28,7 @@ FALSE_LINES = 1e-4  # probability of a false line in a record of noise
 LOCAL_FREQUENCIES = 128  # frequencies of the local median around a line
 STRONG = 1e4  # power over the noise, above which a sinusoid leaks far
 MAX_STRONG, PASSES, PHASES = 4, 3, 64  # sinusoids that are subtracted; passes; segments whose phases are compared
+MEDIAN_SAMPLES = 2**16  # whose medians are taken at a time
 MAX_FACTOR = 11  # largest prime factor of the transform length: one second instead of four
 
 
@@ -91,12 +92,14 @@ def spectrum(records: Array, interval: float) -> Spectrum:
 
 def _power(records: Array, samples: int, interval: float) -> Array:
     """Mean of h z_k² over the records: (samples - 1,)."""
-    power = np.zeros(samples - 1)
+    found: Array | None = None
     for record in records:
-        transformed = dct(record[:samples] - record[:samples].mean(), norm="ortho", overwrite_x=True)[1:]
-        power += interval * np.square(transformed, out=transformed)
-    power /= len(records)
-    return power
+        power = dct(record[:samples] - record[:samples].mean(), norm="ortho", overwrite_x=True)[1:]
+        np.square(power, out=power)
+        power *= interval
+        found = power if found is None else np.add(found, power, out=found)
+    assert found is not None
+    return found if len(records) == 1 else np.divide(found, len(records), out=found)
 
 
 def _without(record: Array, lines: Sequence[Line], interval: float) -> Array:
@@ -153,8 +156,9 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
     blocks = np.arange(first, len(power) + 1, min(LOCAL_FREQUENCIES, len(power) - first))
     near_middles, near_medians = _medians(power, blocks, count)
     least = np.minimum.reduce([near_medians, np.roll(near_medians, 1), np.roll(near_medians, -1)])
-    least = np.append(np.repeat(least, np.diff(blocks)), np.full(len(power) - blocks[-1], near_medians[-2:].min()))
-    strong = first + np.flatnonzero(power[first:] > most * least)
+    whole = power[first : blocks[-1]].reshape(len(least), -1) > (most * least)[:, None]
+    rest = power[blocks[-1] :] > most * near_medians[-2:].min()
+    strong = first + np.concatenate([np.flatnonzero(whole), whole.size + np.flatnonzero(rest)])
     wide_level = dict(zip(strong.tolist(), _level(strong, middles, medians).tolist(), strict=True))
     level = np.maximum(list(wide_level.values()), _level(strong, near_middles, near_medians))
     strong = strong[(power[strong] > most * level) & (level > 0)]
@@ -180,7 +184,10 @@ def _medians(power: Array, ends: NDArray[np.int64], count: int) -> tuple[Array, 
     """Centers of bands, and the mean power in each from its median, which lines do not affect."""
     sizes = np.diff(ends)
     if (sizes == sizes[0]).all():
-        found = np.median(power[ends[0] : ends[-1]].reshape(-1, sizes[0]), axis=1)
+        rows = power[ends[0] : ends[-1]].reshape(-1, sizes[0])
+        at_once = max(MEDIAN_SAMPLES // int(sizes[0]), 1)  # small enough for the cache
+        parts = [np.median(rows[begin : begin + at_once], axis=1) for begin in range(0, len(rows), at_once)]
+        found = np.concatenate(parts)
     else:
         found = np.array([np.median(power[begin:end]) for begin, end in pairwise(map(int, ends))])
     return (ends[:-1] + ends[1:] - 1) / 2, np.asarray(found / (chi2.median(count) / count))

@@ -6,16 +6,21 @@ Every other field makes a set-up of its own, from a scenario that is validated a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property, lru_cache
+from itertools import islice
 from typing import Any
 
+import numpy as np
+
 from .. import _core
+from ..fractional.kernel import core_kernel
 from .kinds import Number, core_values, numbers
 from .quantities import EXPONENTS, texts_of
 from .scenario import Scenario
 from .to_core import parts
 
+AT_ONCE = 1024  # set-ups made at a time
 TABLES = ("controller", "adaptation")
 # Their fields that checks of a whole scenario or other parts of a set-up read.
 READ_ELSEWHERE = frozenset(
@@ -65,6 +70,36 @@ class Patch:
             if field == "controller.order":
                 memory = (float(value) + 0.0, *memory[1:])
         return self.parts._replace(numbers=found, memory=memory).setup()
+
+    def setups(self, points: Iterable[tuple[Any, ...]]) -> Iterator[_core.DeviceSetup]:
+        """`setup` of each point, made in the core, many at a time."""
+        names = list(self.parts.numbers)
+        changed = [(names.index(n.name), at, n) for at, (_, listed) in enumerate(self._listed) for n in listed]
+        changed.sort(key=lambda each: each[0])
+        places = [place for place, *_ in changed]
+        order = self.fields.index("controller.order") if "controller.order" in self.fields else None
+        waiting = iter(points)
+        while taken := list(islice(waiting, AT_ONCE)):
+            columns = list(zip(*taken, strict=True))
+            rows = np.empty((len(taken), len(changed)))
+            for place, (_, at, number) in enumerate(changed):
+                rows[:, place] = _core_column(number, columns[at])
+            made = _core.with_settings(self._unchanged, places, rows)
+            if order is not None and self._unchanged.has_memory:
+                for setup, value in zip(made, columns[order], strict=True):
+                    setup.kernel = core_kernel(float(value) + 0.0, *self.parts.memory[1:])
+            yield from made
+
+    @cached_property
+    def _unchanged(self) -> _core.DeviceSetup:
+        return self.parts.setup()
+
+
+def _core_column(number: Number, values: tuple[Any, ...]) -> np.ndarray:
+    """A number of the core for each value of its field."""
+    if number.part or not set(map(type, values)) <= {float, int}:
+        values = tuple(core_values((number,), {number.table: {number.field: value}})[number.name] for value in values)
+    return np.array(values, dtype=float) + 0.0  # -0.0 becomes 0.0
 
 
 @lru_cache

@@ -59,7 +59,10 @@ def seed_of_each(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> 
 def setups_of(
     all_setups: Iterable[_core.DeviceSetup], seeds: Sequence[int] | None, group: int
 ) -> Iterator[tuple[int, _core.DeviceSetup]]:
-    """Every run with its index in the result; within groups of `group` set-ups, ordered by seed."""
+    """Every run with its index in the result; within groups of `group` set-ups, ordered by seed.
+
+    Changes the set-ups, which must not be used elsewhere.
+    """
     if seeds is None:
         yield from enumerate(all_setups)
         return
@@ -70,7 +73,7 @@ def setups_of(
             return
         for at, seed in enumerate(seeds):
             for i, setup in enumerate(setups, first):
-                seeded = _core.DeviceSetup(setup)
+                seeded = _core.DeviceSetup(setup) if at + 1 < len(seeds) else setup
                 seeded.seed = int(seed)
                 yield i * len(seeds) + at, seeded
 

@@ -124,11 +124,13 @@ def measure_setups(
     seeds: Sequence[int],
     few: bool,
     progress: Callable[[int], object] | None = None,
+    meanwhile: Callable[[], object] | None = None,
     **thresholds: float,
 ) -> xr.Dataset:
     """The variables of `measure_many` for set-ups, which are made while runs continue, with each of the seeds.
 
-    `few`: each run by itself. Otherwise all share lanes, so a run does not depend on the others.
+    `few`: each run by itself. Otherwise all share lanes, so a run does not depend on the others. `meanwhile`: called
+    while the last ones run.
     """
     params, threads = _params(thresholds), threads_available()
     lanes = 1 if few else _core.lane_counts()[-1]
@@ -139,7 +141,7 @@ def measure_setups(
         return _core.measure_runs(some, params, threads, lanes)
 
     waiting = setups_of(chain([first], all_setups), seeds, SCENARIOS_PER_NOISE)
-    return metrics_dataset(_in_chunks(waiting, _chunk(first.steps), measured, progress), thresholds)
+    return metrics_dataset(_in_chunks(waiting, _chunk(first.steps), measured, progress, meanwhile), thresholds)
 
 
 def _params(thresholds: Mapping[str, float]) -> _core.MetricsParams:
@@ -159,6 +161,7 @@ def _in_chunks(
     chunk: int,
     measured: Callable[[list[_core.DeviceSetup]], np.ndarray],
     progress: Callable[[int], object] | None,
+    meanwhile: Callable[[], object] | None = None,
 ) -> np.ndarray:
     """Rows of all runs in the order of their places. A chunk runs while the next one is made ready."""
     parts: list[np.ndarray] = []
@@ -170,7 +173,7 @@ def _in_chunks(
             progress(len(rows))
 
     taken = list(islice(waiting, chunk))
-    if len(taken) < chunk:  # all of them
+    if len(taken) < chunk and meanwhile is None:  # all of them
         keep(measured([setup for _, setup in taken]))
         places.extend(place for place, _ in taken)
         return parts[0][np.argsort(places)]
@@ -179,5 +182,7 @@ def _in_chunks(
             running = pool.submit(measured, [setup for _, setup in taken])
             places.extend(place for place, _ in taken)
             taken = list(islice(waiting, chunk))
+            if meanwhile and not taken:
+                meanwhile()
             keep(running.result())
     return np.concatenate(parts)[np.argsort(places)]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import version
-from itertools import islice
 from typing import Any, Generic, Protocol, TypeVar
 
 from ..extras import needs
@@ -30,7 +31,8 @@ class Work(Protocol, Generic[Result]):
 W = TypeVar("W", bound=Work[Any])
 
 RETRIES = 3  # after an exception; Dask itself reassigns the work of a worker that dies
-PER_THREAD = 2  # submitted units of work per thread of the cluster: one runs, one waits
+PER_THREAD = 2  # submitted tasks per thread of the cluster: one runs, one waits
+TASK = 2.0  # s that a task lasts at least, if there is work for it: the scheduler starts some 500 a second
 PATIENCE = 6  # timeout, s: for an answer, for the scheduler and for the first worker
 
 
@@ -74,34 +76,55 @@ async def _asked(address: str) -> Any:
 def measured_there(client: Any, work: list[W], progress: Callable[[int], object]) -> Iterator[tuple[W, Any]]:
     """Each unit of work with its result, in order of completion.
 
-    A worker uses all processors of its machine for a block: start one per machine, with one thread.
+    A worker uses all processors of its machine for a block: start one per machine, with one thread. Short units share a
+    task, so that the scheduler keeps up with many machines.
     Raises ValueError if a unit of work fails repeatedly.
     """
     from distributed import as_completed
 
-    waiting = iter(work)
+    waiting = deque(work)
+    threads = sum(client.nthreads().values())
+    running: dict[Any, list[W]] = {}
 
-    def submit(piece: W) -> Any:
-        return client.submit(_measure, piece, version("fracgyro"), retries=RETRIES, pure=False)
+    def submit(count: int) -> Any:
+        pieces = [waiting.popleft() for _ in range(count)]
+        future = client.submit(_measure, pieces, version("fracgyro"), retries=RETRIES, pure=False)
+        running[future] = pieces
+        return future
 
-    running = {submit(piece): piece for piece in islice(waiting, PER_THREAD * sum(client.nthreads().values()))}
-    finished = as_completed(list(running), loop=client.loop)
+    finished = as_completed([submit(1) for _ in range(min(PER_THREAD * threads, len(waiting)))], loop=client.loop)
     for future in finished:
-        piece = running.pop(future)
+        pieces = running.pop(future)
         try:
-            result = future.result()
+            results, seconds = future.result()
         except Exception as error:
-            text = " ".join(str(error).split())
-            raise ValueError(f"{piece.name} failed on the cluster: {text}; run again with --resume") from None
-        for following in islice(waiting, 1):
-            new = submit(following)
-            running[new] = following
-            finished.add(new)
-        progress(piece.runs)
-        yield piece, result
+            name, text = error.args if isinstance(error, UnitFailed) else (pieces[0].name, str(error))
+            text = " ".join(text.split())
+            raise ValueError(f"{name} failed on the cluster: {text}; run again with --resume") from None
+        if waiting:
+            finished.add(submit(together(len(waiting), threads, seconds / len(pieces))))
+        for piece, result in zip(pieces, results, strict=True):
+            progress(piece.runs)
+            yield piece, result
 
 
-def _measure(piece: Work[Result], wanted: str) -> Result:
-    if version("fracgyro") != wanted:
-        raise ValueError(f"the worker has fracgyro {version('fracgyro')}, not {wanted}")
-    return piece.measure()
+def together(left: int, threads: int, seconds: float) -> int:
+    """Number of units of work in the next task, of `left` that take so many seconds each."""
+    return max(1, min(int(TASK / max(seconds, 1e-9)), left // (PER_THREAD * threads)))
+
+
+class UnitFailed(Exception):
+    """Name of a unit of work, and why it failed."""
+
+
+def _measure(pieces: list[Work[Result]], wanted: str) -> tuple[list[Result], float]:
+    """The results, and the seconds that they took."""
+    begin, results = time.perf_counter(), []
+    for piece in pieces:
+        try:
+            if version("fracgyro") != wanted:
+                raise ValueError(f"the worker has fracgyro {version('fracgyro')}, not {wanted}")
+            results.append(piece.measure())
+        except Exception as error:
+            raise UnitFailed(piece.name, str(error)) from error
+    return results, time.perf_counter() - begin

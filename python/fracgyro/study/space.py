@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
@@ -44,6 +45,18 @@ class Dimension:
         value = low * _core.power(high / low, u) if self.scale == "log" else low + (high - low) * u
         value = min(math.floor(value) if self.integer else value, self.high)
         return int(value) if self.integer else max(value, self.low)
+
+    def at_each(self, units: NDArray[np.float64]) -> NDArray[Any]:
+        """The values of `at` for many u, or with choices their places: an array of doubles or integers, (u,)."""
+        if self.choices is not None:
+            return (units * len(self.choices)).astype(np.int64)
+        if self.scale == "log":
+            return np.array([self.at(u) for u in units.tolist()], dtype=np.int64 if self.integer else np.float64)
+        low, high = self.low, self.high + (1 if self.integer else 0)
+        values = low + (high - low) * units
+        if self.integer:
+            return np.minimum(np.floor(values), self.high).astype(np.int64)
+        return np.clip(values, self.low, self.high)
 
     def extremes(self) -> tuple[Any, ...]:
         """The choices, or the ends of the range."""

@@ -24,6 +24,8 @@ from ..folder import claim, digest
 from ..sums import Sums
 from .blocks import Block
 from .design import Plan
+from .points import AT_ONCE, Points
+from .totals import Totals, kept
 
 RUNS = "runs"
 SUMS = "runs.sha256"
@@ -36,7 +38,7 @@ class BlockFiles:
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan, work: list[Block], *, resume: bool) -> None:
         """Raises ValueError if the folder is not free, or has another study."""
-        parts = _parts(plan, work)
+        self.plan, parts = plan, _parts(plan, work)
         self.hash = digest(parts)
         about = {"runs": plan.runs, "blocks": len(work), "study": plan.text}
         self.path = claim(Path(path), parts, about, resume=resume)
@@ -61,7 +63,7 @@ class BlockFiles:
 
     def write(self, block: Block, table: pa.Table) -> None:
         with whole_file(self.runs / _name(block)) as scratch:
-            about = {LABEL: self.hash.encode(), AGGREGATES: json.dumps(aggregates(table)).encode()}
+            about = {LABEL: self.hash.encode(), AGGREGATES: json.dumps(self._aggregates(block, table)).encode()}
             labelled = table.replace_schema_metadata(about)
             with open(scratch, "wb") as file:  # pyarrow accepts only names in UTF-8
                 pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
@@ -72,6 +74,24 @@ class BlockFiles:
         self._sums.record()
         files = ((self.runs / _name(block)).read_bytes() for block in work)
         return pa.concat_tables([pq.read_table(pa.BufferReader(data), columns=columns) for data in files])
+
+    def totals(self, work: list[Block]) -> Totals:
+        """Sums over all blocks, which must be finished, from their metadata; also sorts the hashes."""
+        self._sums.record()
+        return Totals.over(self.plan, ((block, self._kept(block)) for block in work))
+
+    def _kept(self, block: Block) -> dict[str, Any]:
+        """The aggregates of a block, from its rows if it was written for another summary."""
+        path = self.runs / _name(block)
+        with path.open("rb") as file:
+            found: dict[str, Any] = json.loads(pq.read_schema(file).metadata[AGGREGATES])
+        if found.get("summary", {}).get("show") == list(dict.fromkeys(self.plan.study.show)):
+            return found
+        return self._aggregates(block, pq.read_table(pa.BufferReader(path.read_bytes())))
+
+    def _aggregates(self, block: Block, table: pa.Table) -> dict[str, Any]:
+        summary = {} if self.plan.study.quantiles else {"summary": kept(self.plan, block, table)}
+        return aggregates(table) | summary
 
 
 def aggregates(table: pa.Table) -> dict[str, Any]:
@@ -97,14 +117,23 @@ def _name(block: Block) -> str:
 
 def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:
     """Everything that the rows depend on, by the names of the study file."""
-    points = json.dumps(plan.points).encode()
     return {
         "the version of fracgyro": version("fracgyro"),
         "scenario or fixed": plan.base.to_toml(),
         "seeds": plan.seeds,
-        "vary or design": [plan.fields, len(plan.points), hashlib.sha256(points).hexdigest()],
+        "vary or design": [plan.fields, len(plan.points), _hash(plan.points)],
         "metrics": plan.study.metrics.model_dump(),
         "the size of blocks": [work[0].runs, len(work)],
         **({"the tasks of show": plan.tasks} if plan.tasks else {}),
         **recorded(plan.controller, plan.base),
     }
+
+
+def _hash(points: Points) -> str:
+    """SHA-256 of the JSON of all points, of which a part exists at a time."""
+    found = hashlib.sha256(b"[")
+    for begin in range(0, len(points), AT_ONCE):
+        text = json.dumps(list(points[begin : begin + AT_ONCE]))[1:-1]
+        found.update((", " * (begin > 0) + text).encode())
+    found.update(b"]")
+    return found.hexdigest()

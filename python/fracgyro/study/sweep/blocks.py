@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import product, starmap
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from ... import _core
 from ...analysis.metric_names import METRICS, task_columns
 from ...analysis.task_runs import measure_tasks
 from ...scenario import Scenario
@@ -18,10 +19,12 @@ from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
 from .design import Plan
+from .points import Points
 from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
+MAX_BLOCKS = 100_000  # of a study: beyond, blocks have more runs
 STEPS_OF_CALLABLES = 10**6  # per block: Python takes a microsecond per step
 
 
@@ -32,13 +35,14 @@ class Block:
     number: int
     first: int  # number of the first point
     base: Scenario
-    values: list[tuple[Any, ...]]  # values of the varied fields, by point
+    values: Points  # values of the varied fields, by point
     seeds: list[int]
     columns: pa.Schema  # point, seed and the varied fields
     thresholds: dict[str, Any]
     controller: ControllerLike | None  # a user's
     tasks: tuple[str, ...] = ()
     patched: tuple[str, ...] = ()  # fields that are set in the set-up of another point
+    first_seed: int = 0  # its place among all seeds
     few: bool = False  # all runs of the study together are so few that each runs by itself
 
     @property
@@ -52,7 +56,7 @@ class Block:
     def keys(self) -> pa.Table:
         """Key columns `columns`, one row per run."""
         points = np.repeat(np.arange(len(self.values)), len(self.seeds))
-        parameters = [[values[i] for values in self.values] for i in range(len(self.columns) - 2)]
+        parameters = [self.values.column(place) for place in range(len(self.columns) - 2)]
         arrays = [pa.array(self.first + points), pa.array(np.tile(np.array(self.seeds), len(self.values)))]
         arrays += [
             pa.array(column, field.type).take(pa.array(points))
@@ -69,13 +73,26 @@ class Block:
         numbers = {table.schema.field(name).type for name in others} == {pa.float64()}
         return numbers and bool(table.select(mine).equals(keys))
 
-    def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
-        """The keys with the metrics, null for events that never occur. Uses all processors."""
+    def setups(self) -> Iterator[_core.DeviceSetup] | None:
+        """Set-ups of the points, made when they are used; None if scenarios are needed instead."""
+        if self.controller is not None or self.tasks:
+            return None
+        return Setups(self.base, self.columns.names[2:], self.patched).each(self.first, self.values)
+
+    def measure(
+        self,
+        progress: Callable[[int], object] | None = None,
+        setups: Iterable[_core.DeviceSetup] | None = None,
+        meanwhile: Callable[[], object] | None = None,
+    ) -> pa.Table:
+        """The keys with the metrics, null for events that never occur. Uses all processors.
+
+        `setups`: those of `setups()`, if they exist already; `meanwhile`: called while the last of them run.
+        """
         fields = self.columns.names[2:]
-        if self.controller is None and not self.tasks:
-            setups = Setups(self.base, fields, self.patched)
-            made = starmap(setups.setup, enumerate(self.values, self.first))
-            runs = measure_setups(made, self.seeds, self.few, progress, **self.thresholds)
+        made = self.setups() if setups is None else setups
+        if made is not None:
+            runs = measure_setups(made, self.seeds, self.few, progress, meanwhile, **self.thresholds)
         else:
             points = [dict(zip(fields, values, strict=True)) for values in self.values]
             scenarios = [scenario_of(self.base, n, fields, values) for n, values in enumerate(self.values, self.first)]
@@ -98,6 +115,7 @@ def blocks(plan: Plan) -> list[Block]:
     """All blocks of the plan, ordered by point, then by seed."""
     native = plan.controller is None or isinstance(plan.controller, Law)
     most = min(max((STEPS_PER_BLOCK if native else STEPS_OF_CALLABLES) // plan.facts.longest, 1), RUNS_PER_BLOCK)
+    most = max(most, -(-plan.runs // MAX_BLOCKS))
     seeds = min(len(plan.seeds), most)
     points = max(most // len(plan.seeds), 1)
     columns = _columns(plan)
@@ -115,6 +133,7 @@ def blocks(plan: Plan) -> list[Block]:
             plan.controller,
             plan.tasks,
             plan.patched,
+            seed,
             plan.runs <= MAX_SINGLE_RUNS,
         )
         for number, (first, seed) in enumerate(pieces)

@@ -35,6 +35,7 @@ from ..file import (
     seeds_of,
 )
 from ..space import MAX_POINTS, Dimension, read_space
+from .points import Points
 from .setups import Setups, fields_to_patch, scenario_of
 
 MIN_BLOCK = 16  # points, for a confidence interval
@@ -80,6 +81,11 @@ class Study(Table):
     show: Annotated[list[Annotated[str, METRIC]], BeforeValidator(_show)] = described(
         list(SHOWN), "Names of the metrics in the summary.", min_length=1
     )
+    quantiles: bool = described(
+        True,
+        "Quantiles, medians, maps and rank correlations in the summary. Without, only the metadata of the blocks is "
+        "read, and memory does not grow with the runs.",
+    )
 
 
 @dataclass
@@ -113,7 +119,7 @@ class Plan:
     text: str  # contents of the study file
     base: Scenario
     dimensions: tuple[Dimension, ...]
-    points: list[tuple[Any, ...]]  # values of the dimensions
+    points: Points  # values of the dimensions
     patched: tuple[str, ...]  # fields that are set in the set-up of another point
     facts: Facts
     seeds: list[int]
@@ -136,12 +142,21 @@ class Plan:
     def runs(self) -> int:
         return len(self.points) * len(self.seeds)
 
+    @property
+    def sampled(self) -> bool:
+        """True if the points are a random sample of the space."""
+        return self.study.design.kind in ("random", "latin_hypercube", "sobol", "sobol_indices")
+
 
 def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = None) -> Plan:
     """The study file as a plan with valid points. Raises ScenarioError for an invalid file or point."""
     study = load_study(path, Study)
     base = base_scenario(study.scenario, Path(path).parent, study.fixed)
     refuse_both(study.fixed, study.vary)
+    if study.design.kind == "sobol_indices" and not study.quantiles:
+        raise ScenarioError(
+            'quantiles is false: it must be true when design.kind is "sobol_indices", whose indices need all rows'
+        )
     dimensions = read_space(study.vary, base, controller)
     if "disturbance.seed" in {dimension.field for dimension in dimensions}:
         raise ScenarioError("disturbance.seed is in [vary]: use seeds, which apply to every point")
@@ -149,8 +164,11 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
     fields = [dimension.field for dimension in dimensions]
     facts, patched = Facts(), fields_to_patch(base, dimensions)
     setups = Setups(base, fields, patched)
-    for scenario, alike in itertools.groupby(itertools.starmap(setups.alike, enumerate(points)), _Same):
-        facts.add(scenario.it, own=controller is not None, times=sum(1 for _ in alike))
+    if set(patched) == set(fields):  # every point has the base's facts
+        facts.add(base, own=controller is not None, times=len(points))
+    else:
+        for scenario, alike in itertools.groupby(itertools.starmap(setups.alike, enumerate(points)), _Same):
+            facts.add(scenario.it, own=controller is not None, times=sum(1 for _ in alike))
     check_tasks(study.show, facts.figures, "every point")
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
     if len(seeds) > 1 and not facts.random:
@@ -171,15 +189,15 @@ class _Same:
         return isinstance(other, _Same) and other.it is self.it
 
 
-def _grid(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+def _grid(design: Design, dimensions: tuple[Dimension, ...]) -> Points:
     axes = _axes(design, dimensions)
     count = int(np.prod([float(len(axis)) for axis in axes]))
     if count > MAX_POINTS:
         raise ScenarioError(f"the grid has {count} points: it must have at most {MAX_POINTS}")
-    return list(itertools.product(*axes))
+    return Points.grid(axes)
 
 
-def _list(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+def _list(design: Design, dimensions: tuple[Dimension, ...]) -> Points:
     _some(design, dimensions)
     axes = _axes(design, dimensions)
     for dimension, axis in zip(dimensions, axes, strict=True):
@@ -188,7 +206,7 @@ def _list(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, 
                 f"{dimension.field} has {len(axis)} values: it must have {len(axes[0])}, as {dimensions[0].field} has, "
                 'when design.kind is "list"'
             )
-    return list(zip(*axes, strict=True))
+    return Points.listed(axes)
 
 
 def _axes(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
@@ -207,21 +225,21 @@ def _axes(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, 
     return axes
 
 
-def _random(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+def _random(design: Design, dimensions: tuple[Dimension, ...]) -> Points:
     return _sampled(design, dimensions, lambda n, d, rng: rng.random((n, d)))
 
 
-def _latin_hypercube(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+def _latin_hypercube(design: Design, dimensions: tuple[Dimension, ...]) -> Points:
     from scipy.stats.qmc import LatinHypercube  # takes half a second
 
     return _sampled(design, dimensions, lambda n, d, rng: LatinHypercube(d, seed=rng).random(n))
 
 
-def _sobol(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+def _sobol(design: Design, dimensions: tuple[Dimension, ...]) -> Points:
     return _sampled(design, dimensions, _sobol_points)
 
 
-def _sobol_indices(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+def _sobol_indices(design: Design, dimensions: tuple[Dimension, ...]) -> Points:
     """Blocks A, B and, for each field i, AB_i: A with the values of that field from B."""
     most = MAX_POINTS // (len(dimensions) + 2)
     if design.points is not None and not MIN_BLOCK <= design.points <= most:
@@ -251,7 +269,7 @@ def _sampled(
     design: Design,
     dimensions: tuple[Dimension, ...],
     unit_cube: Callable[[int, int, np.random.Generator], Any],
-) -> list[tuple[Any, ...]]:
+) -> Points:
     _some(design, dimensions)
     if design.points is None:
         raise ScenarioError(f"design.points is missing: {format_value(design.kind)} must have a number of points")
@@ -261,8 +279,7 @@ def _sampled(
                 f"{dimension.field}: steps is {dimension.steps}: it must be left out when design.kind is "
                 f"{format_value(design.kind)}"
             )
-    samples = unit_cube(design.points, len(dimensions), np.random.default_rng(design.seed))
-    return [tuple(d.at(float(u)) for d, u in zip(dimensions, row, strict=True)) for row in samples]
+    return Points.drawn(dimensions, unit_cube(design.points, len(dimensions), np.random.default_rng(design.seed)))
 
 
 def _some(design: Design, dimensions: tuple[Dimension, ...]) -> None:
@@ -270,7 +287,7 @@ def _some(design: Design, dimensions: tuple[Dimension, ...]) -> None:
         raise ScenarioError(f"vary is empty: at least one field must vary when design.kind is {design.kind}")
 
 
-DESIGNS: dict[str, Callable[[Design, tuple[Dimension, ...]], list[tuple[Any, ...]]]] = {
+DESIGNS: dict[str, Callable[[Design, tuple[Dimension, ...]], Points]] = {
     "grid": _grid,
     "list": _list,
     "random": _random,

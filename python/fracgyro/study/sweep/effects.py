@@ -16,6 +16,7 @@ from ...analysis.confidence import Mean, mean_interval
 from ...scenario.table import toml_value
 from ..space import Dimension
 from .design import Plan
+from .points import Points
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MAX_BINS, RUNS_PER_BIN = 8, 8  # for a field without levels
@@ -37,7 +38,7 @@ class Rows:
     @property
     def sampled(self) -> bool:
         """True if the points are a random sample of the space."""
-        return self.plan.study.design.kind in ("random", "latin_hypercube", "sobol", "sobol_indices")
+        return self.plan.sampled
 
     @property
     def diverged(self) -> int:
@@ -110,14 +111,17 @@ class Best:
 
 
 def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
-    levels = dimension.grid()
-    place = rows.plan.dimensions.index(dimension)
-    points = np.array(rows.table["point"])
+    along = axis_of(rows.plan, dimension, bins, rows.plan.points)
+    return replace(along, index=along.index[np.array(rows.table["point"])])
+
+
+def axis_of(plan: Plan, dimension: Dimension, bins: int, points: Points) -> Axis:
+    """The axis of a field; its `index` is that of these points of the plan."""
+    levels, values = dimension.grid(), points.column(plan.dimensions.index(dimension))
     if levels is None:
         spaced = np.geomspace if dimension.scale == "log" else np.linspace
         edges = np.asarray(spaced(dimension.low, dimension.high, bins + 1))
-        values = np.array([float(point[place]) for point in rows.plan.points])[points]
-        index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
+        index = np.clip(np.searchsorted(edges, np.array(values, dtype=float), side="right") - 1, 0, bins - 1)
         log = dimension.scale == "log"
         middles = np.sqrt(edges[1:] * edges[:-1]) if log else 0.5 * (edges[1:] + edges[:-1])
         names = [f"{low:.3g} to {high:.3g}" for low, high in pairwise(edges)]
@@ -126,7 +130,7 @@ def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
     numeric = all(isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in levels)
     levels = tuple(sorted(levels)) if numeric else levels
     number = {level: i for i, level in enumerate(levels)}
-    index = np.array([number[point[place]] for point in rows.plan.points])[points]
+    index = np.array([number[value] for value in values], dtype=np.int64)
     names = [f"{level:.4g}" if isinstance(level, float) else str(_plain(level)) for level in levels]
     places = np.array(levels, dtype=float) if numeric else np.arange(float(len(levels)))
     log = numeric and len(levels) > 2 and places[0] > 0 and _even(np.log(places)) and not _even(places)
@@ -173,7 +177,7 @@ def rank_correlation(rows: Rows, name: str, dimension: Dimension) -> float:
     left = ~np.isnan(metric)
     sums, counts = (np.bincount(points[left], w, len(rows.plan.points)) for w in (metric[left], None))
     good = counts > 0
-    values = np.array([float(point[place]) for point in rows.plan.points])[good]
+    values = np.array(rows.plan.points.column(place), dtype=float)[good]
     ranks = _ranks(values), _ranks(sums[good] / counts[good])
     if len(values) < 3 or any(np.ptp(r) == 0 for r in ranks):
         return float("nan")

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
 
+from ... import _core
 from ...files import whole_file
 from ...scenario.table import format_value
 from ...simulation.many import at_most
@@ -23,7 +26,7 @@ from .blocks import Block, blocks
 from .design import read_plan
 from .effects import Rows
 from .indices import Sensitivity, sensitivity
-from .summary import write_summary
+from .summary import write_summary, write_summary_of_totals
 
 
 @dataclass(frozen=True)
@@ -95,14 +98,17 @@ def sweep(
         advance(0)
         with free_if_nothing_came(folder.path, resume=resume):
             measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
-            for block, table in measured:
-                folder.write(block, table)
+            _write(folder, measured)
+        summary = folder.path / "summary.html"
+        if not plan.study.quantiles:
+            totals = folder.totals(work)
+            write_summary_of_totals(summary, totals)
+            return Sweep(folder.runs, summary, plan.runs, resumed, totals.diverged, time.perf_counter() - begin)
         rows = Rows.of(plan, folder.read(work, list(dict.fromkeys(["point", "seed", "diverged_at", *plan.study.show]))))
         found = sensitivity(rows) if plan.study.design.kind == "sobol_indices" else None
         if found is not None:
             with whole_file(folder.path / "indices.csv") as scratch:
                 scratch.write_text(found.csv(), encoding="utf-8", newline="\n")
-        summary = folder.path / "summary.html"
         write_summary(summary, rows, found)
     return Sweep(folder.runs, summary, plan.runs, resumed, rows.diverged, time.perf_counter() - begin, found)
 
@@ -121,6 +127,26 @@ def preview(study: str | os.PathLike[str], *, controller: ControllerLike | None 
     )
 
 
+def _write(folder: BlockFiles, measured: Iterator[tuple[Block, pa.Table]]) -> None:
+    """Writes each block while the next one runs."""
+    with ThreadPoolExecutor(1) as writer:
+        written: list[Future[None]] = []
+        for block, table in measured:
+            for before in written:
+                before.result()
+            written = [writer.submit(folder.write, block, table)]
+    for last in written:
+        last.result()
+
+
 def measured_here(work: list[Block], progress: Callable[[int], object]) -> Iterator[tuple[Block, pa.Table]]:
-    for block in work:
-        yield block, block.measure(progress)
+    """Each block with its rows. The set-ups of a block are made while the one before runs."""
+    ready: dict[int, list[_core.DeviceSetup]] = {}
+
+    def prepare(place: int) -> None:
+        if (setups := work[place].setups()) is not None:
+            ready[place] = list(setups)
+
+    for place, block in enumerate(work):
+        following = partial(prepare, place + 1) if place + 1 < len(work) else None
+        yield block, block.measure(progress, ready.pop(place, None), following)

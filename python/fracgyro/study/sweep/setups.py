@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import lru_cache
+from itertools import starmap
 from typing import Any
 
 from ... import _core
@@ -12,10 +13,9 @@ from ...scenario.patched import Patch, are_valid, patched_fields
 from ...scenario.table import format_value
 from ..controller import fields_of_scenario
 from ..space import Dimension
+from .points import Point, Points
 
 KEPT = 256  # scenarios, each with its set-up
-
-Point = tuple[Any, ...]
 
 
 def fields_to_patch(base: Scenario, dimensions: Sequence[Dimension]) -> tuple[str, ...]:
@@ -58,6 +58,12 @@ class Setups:
         if not patches:
             patches.append(Patch(scenario, self._patched))
         return patches[0].setup(tuple(point[place] for place in self._own))
+
+    def each(self, first: int, points: Points) -> Iterator[_core.DeviceSetup]:
+        """`setup` of consecutive points, of which `first` is the number of the first one."""
+        if self._rest:
+            return starmap(self.setup, enumerate(points, first))
+        return Patch(self._base, self._patched).setups(points)
 
     def _of(self, number: int, point: Point) -> tuple[Scenario, list[Patch]]:
         rest = tuple(point[place] for place in self._rest)

@@ -21,8 +21,9 @@ from ..controller import is_parameter
 from ..space import Dimension
 from . import effects, plots
 from .design import Plan
-from .effects import QUANTILES, Rows
+from .effects import QUANTILES, Best, Rows
 from .indices import Sensitivity
+from .totals import Totals
 
 BEST = 5  # points listed for each metric
 MAX_MAPPED = 4  # fields, up to which pairs are drawn as heat maps
@@ -41,6 +42,37 @@ def write_summary(path: Path, rows: Rows, sensitivity: Sensitivity | None) -> No
     plan, sample = rows.plan, rows.independent()
     numeric = [d for d in plan.dimensions if effects.axis(rows, d, 2).numeric]
     correlated = rows.sampled and len(numeric) > 1
+    _write(
+        path,
+        plan,
+        diverged=rows.diverged,
+        diverged_where=_diverged_where(rows) if rows.diverged else [],
+        metrics=[_metric(rows, sample, name) for name in plan.study.show],
+        independent=len(sample.plan.points),
+        counted=sample.plan.runs - sample.diverged,
+        sensitivity=sensitivity,
+        spread_of=[f"{100 * q:g} %" for q in QUANTILES] if rows.sampled else [],
+        **(_correlation(sample, numeric) if correlated else {"correlation": None}),
+        chance=1.96 / np.sqrt(max(len(sample.plan.points) - 1, 1)),
+    )
+
+
+def write_summary_of_totals(path: Path, totals: Totals) -> None:
+    """Writes the page without what needs rows to `path`."""
+    _write(
+        path,
+        totals.plan,
+        diverged=totals.diverged,
+        diverged_where=_diverged_in(totals) if totals.diverged else [],
+        metrics=[_metric_of_totals(totals, name) for name in totals.plan.study.show],
+        counted=totals.runs - totals.diverged,
+        sensitivity=None,
+        spread_of=["mean", "standard deviation", "least", "greatest"],
+        correlation=None,
+    )
+
+
+def _write(path: Path, plan: Plan, **values: Any) -> None:
     text = page(
         "fracgyro.study.sweep",
         "summary.html.jinja",
@@ -52,19 +84,11 @@ def write_summary(path: Path, rows: Rows, sensitivity: Sensitivity | None) -> No
         user_controller=controller_words(plan.controller),
         design=DESIGN_WORDS[plan.study.design.kind],
         durations=" or ".join(f"{d:g}" for d in sorted(plan.facts.durations)[:9]),
-        sampled=rows.sampled,
-        diverged=rows.diverged,
-        diverged_where=_diverged_where(rows) if rows.diverged else [],
         fields=[_field(dimension) for dimension in plan.dimensions],
-        metrics=[_metric(rows, sample, name) for name in plan.study.show],
-        sample=sample,
-        sensitivity=sensitivity,
         words={name: ALL_METRICS[name][0] for name in plan.study.show},
         max_mapped=MAX_MAPPED,
-        quantiles=[f"{100 * q:g} %" for q in QUANTILES],
-        **(_correlation(sample, numeric) if correlated else {"correlation": None}),
-        chance=1.96 / np.sqrt(max(len(sample.plan.points) - 1, 1)),
         thresholds=plan.study.metrics.model_dump(),
+        **values,
     )
     with whole_file(path) as scratch:
         scratch.write_text(text, encoding="utf-8", newline="\n")
@@ -96,12 +120,40 @@ def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
         "never": never,
         "reported": _reported(plan, name, bool(along)),
         "partial": any(any(effect.partial) for effect in along),
-        "quantiles": [_number(q / 10.0**power) for q in spread],
+        "spread": [_number(q / 10.0**power) for q in spread],
         "effects": plots.effects_chart(name, along) if along else None,
         "maps": maps,
         "data": plots.numbers(name, along, pairs, sampled=rows.sampled),
         "blank": blank,
         "mapped_partial": never + rows.diverged > 0,
+        **_best(plan, found, eligible),
+    }
+
+
+def _metric_of_totals(totals: Totals, name: str) -> dict[str, Any]:
+    """The same without rows: no quantiles, no maps."""
+    plan, spread, never = totals.plan, totals.spread[name], totals.never(name)
+    along = [totals.effect(name, dimension) for dimension in plan.dimensions] if spread.count else []
+    figures = [spread.mean, spread.deviation, spread.least, spread.greatest] if spread.count else [np.nan] * 4
+    power = plots.power_of(np.array(figures))
+    found, eligible = totals.best(name)
+    return {
+        "name": name,
+        "label": plots.label(name, power),
+        "words": ALL_METRICS[name][0],
+        "never": never,
+        "reported": _reported(plan, name, bool(along)),
+        "partial": any(any(effect.partial) for effect in along),
+        "spread": [_number(figure / 10.0**power) for figure in figures],
+        "effects": plots.effects_chart(name, along) if along else None,
+        "maps": [],
+        "data": plots.numbers(name, along, [], sampled=False),
+        **_best(plan, found, eligible),
+    }
+
+
+def _best(plan: Plan, found: list[Best], eligible: int) -> dict[str, Any]:
+    return {
         "eligible": eligible,
         "best": [(b.point, [_value(v) for v in b.values]) for b in found],
         "best_means": [_means([b.means[i] for b in found], shown) for i, shown in enumerate(plan.study.show)],
@@ -144,6 +196,13 @@ def _diverged_where(rows: Rows) -> list[tuple[str, list[tuple[str, int, int]]]]:
         lines = [(n, int(g), int(c)) for n, g, c in zip(axis.names, gone, counts, strict=True) if g]
         where.append((dimension.field, lines))
     return where
+
+
+def _diverged_in(totals: Totals) -> list[tuple[str, list[tuple[str, int, int]]]]:
+    return [
+        (along.field, [(name, gone, runs) for name, (runs, gone) in zip(along.names, counts, strict=True) if gone])
+        for along, counts in totals.diverged_where()
+    ]
 
 
 def _field(dimension: Dimension) -> tuple[str, str, str]:
