@@ -171,8 +171,8 @@ class Facts(Part):
         sources = [given.source for _, given in self.every_given()]
         return self.seen in READ and bool(sources) and OURS not in sources
 
-    def heading(self, *, own_numbers: bool) -> str:
-        """The words over a result, with the numbers of the paper or with gains that we tuned.
+    def heading(self, *, own_numbers: bool, gains: str = "tuned by us") -> str:
+        """The words over a result, with the numbers of the paper or with other `gains`.
 
         "As published" is printed only if that is known.
         """
@@ -180,7 +180,7 @@ class Facts(Part):
         if own_numbers and self.published:
             return f"as published in {where}"
         which = {"code": "the code of ", "abstract": "the abstract of "}.get(self.seen, "")
-        return f"after {which}{where}{' (from memory)' if self.seen == 'citation' else ''}, tuned by us"
+        return f"after {which}{where}{' (from memory)' if self.seen == 'citation' else ''}, {gains}"
 
 
 class PlantFacts(Part):
