@@ -174,3 +174,22 @@ def check(file: str) -> None:
     if found:
         raise ScenarioError("; ".join(found))
     click.echo(f"{name}: complete; {facts.heading(own_numbers=bool(facts.given))}")
+
+
+@zoo.command()
+@click.argument("figure")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the CSV files.")
+def curve(figure: str, out: Path) -> None:
+    """Write the curves of a MATLAB figure, a .fig file of yours, as CSV."""
+    from fracgyro.analysis.html import csv_text
+    from fracgyro.files import whole_file, writable_folder
+
+    from .fig import lines
+
+    stem = Path(figure).stem
+    for number, line in enumerate(lines(figure), 1):
+        path = writable_folder(out) / f"{stem}_{number}.csv"
+        with whole_file(path) as scratch:
+            rows = zip(line.x.tolist(), line.y.tolist(), strict=True)
+            scratch.write_text(csv_text(("x", "y"), rows), encoding="utf-8", newline="\n")
+        click.echo(f"{path}: {len(line.x)} points, axes {line.axes + 1}")

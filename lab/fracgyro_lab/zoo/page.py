@@ -12,7 +12,7 @@ from fracgyro.analysis.html import page
 from fracgyro.files import whole_file
 
 from ..board.chart import trace
-from ..comparison.report import interval, limit_row, number, times
+from ..comparison.report import limit_row, number, times
 from ..comparison.track import LOW
 from ..verdicts import HELD
 from .facts import SEEN_WORDS, entries
@@ -38,6 +38,7 @@ HEADS = (
     "Bytes",
     "Claims: held, failed, untestable",
 )
+BEYOND = "\nabove the ceiling"  # of the chattering
 Row = dict[str, Any]
 
 
@@ -65,7 +66,7 @@ def _house(zoo: Zoo) -> Iterator[Row]:
     like = next((law["noise"] for law in zoo.laws.values() if law["noise"]), None)
     quiet = next((law["none"] for law in zoo.laws.values() if law["none"]), None)
     limits = [limit_row(zoo.limits, row) if row else None for row in (like, quiet)]
-    errors = [interval(limit["metrics"].get("error")) if limit else "–" for limit in limits]
+    errors = [power(limit["metrics"].get("error", {}).get("value")) if limit else "–" for limit in limits]
     if any(limits):
         cells = [errors[0], "1", errors[1], "1", *["–"] * (len(HEADS) - 6)]
         yield _row("the least error of any controller", "limit", [], cells)
@@ -110,11 +111,20 @@ def _numbers(law: Mapping[str, Any]) -> list[str]:
 
 
 def _error(row: Mapping[str, Any] | None) -> tuple[str, str]:
-    if row is None or not row["metrics"]:
+    """The error with its interval on a second line, and its ratio to the limit."""
+    found = (row or {}).get("metrics", {}).get("error")
+    if row is None or not found or found["value"] is None:
         return "–", "–"
-    over = (row["over_limit"] or {}).get("error")
-    mark = "" if row["kept"] else " (beyond the ceiling)"
-    return interval(row["metrics"].get("error")) + mark, number(over)
+    low, value, high = (power(found[name]) for name in ("low", "value", "high"))
+    mark = "" if row["kept"] else BEYOND
+    return f"{value}\n{low} to {high}{mark}", number((row["over_limit"] or {}).get("error"))
+
+
+def power(value: float | None) -> str:
+    """Three digits and, below 0.01, a power of ten."""
+    if value is None:
+        return "–"
+    return number(value) if value >= 0.01 else f"{value:.2e}".replace("e-0", "e-").replace("-", "\N{MINUS SIGN}")
 
 
 def findings(zoo: Zoo) -> list[str]:
@@ -250,6 +260,11 @@ def markdown(zoo: Zoo) -> list[str]:
 
 def table(heads: Sequence[str], rows: Iterator[Sequence[str]]) -> list[str]:
     """Lines of a table in Markdown."""
-    shown = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    shown = [[_one_line(cell.replace("|", "\\|")) for cell in row] for row in rows]
     heads = [head.replace("|", "\\|") for head in heads]
     return [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *(f"| {' | '.join(row)} |" for row in shown)]
+
+
+def _one_line(cell: str) -> str:
+    first, *others = cell.split("\n")
+    return f"{first} ({', '.join(others)})" if others else first
