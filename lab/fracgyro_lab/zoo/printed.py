@@ -49,8 +49,9 @@ class Curves:
     gain: NDArray[np.float64] = field(repr=False)  # estimate of the actuator's gain, [n, 2]
 
     def rms(self, begin: float) -> tuple[float, float]:
-        """RMS error of both axes after `begin`; NaN for a lost run."""
-        x, y = np.sqrt((self.error[self.time > begin] ** 2).mean(axis=0))
+        """RMS error of both axes after `begin`; NaN for a run that is lost or shorter."""
+        late = self.error[self.time > begin]
+        x, y = np.sqrt((late**2).mean(axis=0)) if len(late) else (math.nan, math.nan)
         return float(x), float(y)
 
     def largest_share(self) -> float:
