@@ -4,7 +4,7 @@
 #include "fracgyro/sim/aggregate.hpp"
 #include "fracgyro/sim/unpacked.hpp"
 #include "fracgyro/hardware/guard.hpp"
-#include "fracgyro/hardware/motion_filter.hpp"
+#include "fracgyro/hardware/trigger.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <nanobind/stl/string.h>
@@ -48,7 +48,7 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
         const auto size = [&]<std::size_t Capacity>() {
             using Sized = typename SizedController<C, Capacity>::Type;
             std::size_t bytes = 0;
-            for_sensors<Sized>(s.common, [&]<class Seen>() { bytes = sizeof(typename Guard<Seen>::State); });
+            for_device<Sized>(s.common, [&]<class Seen>() { bytes = sizeof(typename Guard<Seen>::State); });
             return bytes;
         };
         [&]<std::size_t... I>(std::index_sequence<I...>) {
@@ -62,7 +62,7 @@ template <Scalar T>
 nb::object coefficients(const Setup& s) {
     nb::object found;
     with_controller<T>(s.controller, [&]<class C>() {
-        for_sensors<C>(s.common, [&]<class Seen>() { found = nested(prepare<Guard<Seen>>(s.controller, s.common)); });
+        for_device<C>(s.common, [&]<class Seen>() { found = nested(prepare<Guard<Seen>>(s.controller, s.common)); });
     });
     return found;
 }

@@ -14,7 +14,7 @@ std::unique_ptr<GuardedController> make_guarded(const Setup& setup, bool single)
 }
 
 std::unique_ptr<AnyController<double>> filtered_user(UserController& user, const Common& common) {
-    return behind_filter<double>(user, common);
+    return behind_wrappers<double>(user, common);
 }
 
 }  // namespace fracgyro::bindings

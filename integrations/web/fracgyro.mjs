@@ -29,6 +29,8 @@ const BUFFERED = 4096; // rows
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 // Numbers of the datasheet that the filter of the measured motions needs.
 const FILTERED = ["force_noise", "position_noise", "velocity_noise", "delay"];
+// Numbers of the event trigger.
+const TRIGGER = ["event_threshold", "event_share"];
 
 const channelOf = (column) => column.split(/[.[]/)[0];
 
@@ -204,7 +206,8 @@ class Fracgyro {
   async #started(scenario, changes) {
     const prepared = await this.#prepare(scenario, changes);
     const { core, settings, reported, observed } = prepared;
-    const device = observed || settings["controller.filter"] === "kalman" || "device" in scenario;
+    const around = prepared.sensing.some((number) => number > 0);
+    const device = observed || around || "device" in scenario;
     const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const width = columns.length;
     const buffer = core.room_for(BUFFERED * width) >>> 0;
@@ -268,7 +271,9 @@ class Fracgyro {
     const filter = settings["controller.filter"];
     const bandwidth = settings["controller.observer_bandwidth"];
     const assumed = FILTERED.map((name) => settings[`datasheet.${name}`] ?? scenario.assumed?.[name] ?? 0);
-    const sensing = [observed ? bandwidth : 0, ...(filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0])];
+    const filters = filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0];
+    const trigger = TRIGGER.map((name) => settings[`controller.${name}`]);
+    const sensing = [observed ? bandwidth : 0, ...filters, ...trigger];
     const placed = (numbers) => {
       const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
       core.doubles(at, numbers.length).set(numbers);

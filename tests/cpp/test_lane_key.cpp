@@ -30,6 +30,7 @@ const std::map<std::string, Switch> switches_of_others{
     {"controller.network_inputs", {0.0, 1.0, 1.0}},
     {"controller.weight_leak", {0.0, 1.0, 2.0}},
     {"controller.error_leak", {0.0, 1.0, 2.0}},
+    {"controller.prediction_weight", {0.0, 1.0, 2.0}},
     {"controller.basis", {2.0, 0.0, 0.0}},
     {"controller.nodes", {16.0, 8.0, 8.0}},
 };
@@ -42,6 +43,13 @@ const std::map<std::string, Switch> switches_of_the_filter{
 // The surface is given a smoother error if positions are noisy.
 const std::map<std::string, Switch> switches_of_memory{
     {"datasheet.position_noise", {0.0, 1.0, 2.0}},
+};
+// Terms that published laws add to the linear one.
+const std::map<std::string, Switch> switches_of_linear_terms{
+    {"controller.coupling", {0.0, 1.0, 2.0}},
+    {"controller.error_integral", {0.0, 1.0, 2.0}},
+    {"controller.start_rate", {0.0, 1.0, 2.0}},
+    {"controller.surface_filter", {0.0, 1.0, 2.0}},
 };
 bool remembers(std::string_view kind) { return kind.starts_with("fractional"); }
 
@@ -65,23 +73,21 @@ std::vector<Kind> every_kind() {
         if (std::ranges::find(sliding_modes, kind) == std::end(sliding_modes)) {
             some.insert(switches_of_others.begin(), switches_of_others.end());
         }
-        if (remembers(kind)) {
-            some.insert(switches_of_memory.begin(), switches_of_memory.end());
-        }
+        const auto& of_surface = remembers(kind) ? switches_of_memory : switches_of_linear_terms;
+        some.insert(of_surface.begin(), of_surface.end());
         if (kind == "lqg") {
             some.insert(switches_of_the_filter.begin(), switches_of_the_filter.end());
         }
         add(paper(2000, kind), some);
     }
     for (const std::string_view kind : sliding_modes) {
-        EXPECT_EQ(all[kind_of(kind)].switches.size(), switches.size() + (remembers(kind) ? 1 : 0));
+        EXPECT_EQ(all[kind_of(kind)].switches.size(), switches.size() + (remembers(kind) ? 1 : 4));
         fracgyro::Setup setup = paper(2000, kind);
         law(setup).adaptation.kind = AdaptationKind::composite;
         auto more = switches;
         more.insert(switches_of_composite.begin(), switches_of_composite.end());
-        if (remembers(kind)) {
-            more.insert(switches_of_memory.begin(), switches_of_memory.end());
-        }
+        const auto& of_surface = remembers(kind) ? switches_of_memory : switches_of_linear_terms;
+        more.insert(of_surface.begin(), of_surface.end());
         add(setup, more);
     }
     EXPECT_EQ(all[kind_of("pid")].switches.size(), 3U);

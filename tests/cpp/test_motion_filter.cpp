@@ -298,7 +298,7 @@ template <Scalar T>
 std::unique_ptr<AnyController<T>> erased_pid(const Case& a) {
     auto plain = std::make_unique<ControllerOf<Pid<T>>>(ControllerParams{a.law}, a.common);
     AnyController<T>& pid = *plain;
-    return behind_filter<T>(pid, a.common, std::move(plain));
+    return behind_wrappers<T>(pid, a.common, std::move(plain));
 }
 
 template <class T>
@@ -360,7 +360,7 @@ TEST(MotionFilter, AControllerThatFiltersByItselfHasNoneBeforeIt) {
     Case a;
     const ControllerParams params{InternalModelParams{}};
     ControllerOf<InternalModel<double>> own(params, a.common);
-    EXPECT_EQ(behind_filter<double>(own, a.common), nullptr);
+    EXPECT_EQ(behind_wrappers<double>(own, a.common), nullptr);
     a.common.filter = {};
     EXPECT_EQ(erased_pid<double>(a), nullptr);
 }

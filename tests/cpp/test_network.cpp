@@ -219,6 +219,78 @@ TYPED_TEST(NetworkOf, WithoutASampleAndAtTheLimitWhatIsLearnedRests) {
     EXPECT_EQ(this->learned(0.0), 0.0);
 }
 
+// A free mass, known but for a constant force p: z = ė - m has dz/dt = p + Wᵀφ - β z, and W follows it.
+TYPED_TEST(NetworkOf, TheModelFindsAForceFromItsOwnError) {
+    NetworkParams law = constant;
+    law.surface_gain = 1e-9;
+    law.prediction_rate = 20.0;
+    law.prediction_weight = 0.5;
+    const double rate = law.learning_frequency * law.learning_frequency, push = 7.0;
+    this->prepare(law);
+    // The equations, with the exact steps of the model: z grows by the force that is unknown.
+    double speed = 0.0, weights = 0.0, z = 0.0;
+    for (int n = 0; n < 400; ++n) {
+        const auto signals = TestFixture::C::step(this->state, this->c, {.velocity = vec2<TypeParam>(speed, 0.0)});
+        ASSERT_NEAR(number(signals.report.learned.x()), weights, 40.0 * this->tolerance * 100.0) << n;
+        const double unknown = push + weights;
+        weights -= h * rate * (speed + 0.5 * z);
+        z = std::exp(-0.02) * z + h * unknown;
+        speed += h * (number(signals.force.x()) + push);
+    }
+    EXPECT_NEAR(weights, -push, 0.05);
+}
+
+TYPED_TEST(NetworkOf, AtTheForceLimitThePredictionStillLearns) {
+    NetworkParams law = constant;
+    law.surface_gain = 1e-9;
+    law.prediction_rate = 20.0;
+    law.prediction_weight = 2.0;
+    this->prepare(law, 3.0);
+    // Pushed by more than the limit, so that s only grows and its part rests.
+    double speed = 0.1;
+    for (int n = 0; n < 1000; ++n) {
+        const auto signals = TestFixture::C::step(this->state, this->c, {.velocity = vec2<TypeParam>(speed, 0.0)});
+        speed += h * (number(signals.force.x()) + 7.0);
+    }
+    EXPECT_NEAR(this->learned(0.0), -7.0, 0.1);
+}
+
+TYPED_TEST(NetworkOf, ThePredictionStartsOverAfterAGap) {
+    NetworkParams law = constant;
+    law.prediction_weight = 2.0;
+    this->prepare(law);
+    this->step(0.0);
+    this->step(0.0);
+    const Sample<TypeParam> assumed{};
+    this->step(0.0, &assumed);
+    const auto moved = [&](double speed) {
+        TestFixture::C::step(this->state, this->c, {.velocity = vec2<TypeParam>(speed, 0.0)});
+        return this->learned(0.0);
+    };
+    EXPECT_NEAR(moved(5.0), -h * 400.0 * 5.0, 100.0 * this->tolerance) << "s alone, as z starts at 0";
+    reinterpret_cast<unsigned char&>(this->state.predicts) = 2;
+    EXPECT_FALSE(TestFixture::C::sound(this->state, this->c));
+}
+
+TYPED_TEST(NetworkOf, NoWeightOfThePredictionDiverges) {
+    NetworkParams law = constant;
+    law.surface_gain = 1e-9;
+    law.prediction_weight = 1e9;
+    for (const double rate : {0.1, 5.0, 800.0, 1e5}) {
+        for (const double frequency : {1.0, 30.0, 1e4}) {
+            law.prediction_rate = rate;
+            law.learning_frequency = frequency;
+            this->prepare(law);
+            double speed = 1.0;
+            for (int n = 0; n < 50'000; ++n) {
+                const Motion<TypeParam> motion{.velocity = vec2<TypeParam>(speed, 0.0)};
+                speed += h * number(TestFixture::C::step(this->state, this->c, motion).force.x());
+                ASSERT_LT(std::fabs(speed), 3.0) << rate << ' ' << frequency << ' ' << n;
+            }
+        }
+    }
+}
+
 // -- On the paper's plant, in noise
 
 template <class Params>
@@ -243,6 +315,15 @@ TEST(Network, AConstantBasisIsTheIntegralOfIntegralSlidingMode) {
         ASSERT_NEAR(ours.force.x(), theirs.force.x(), 1e-8) << n;
         ASSERT_NEAR(ours.force.y(), theirs.force.y(), 1e-8) << n;
     }
+}
+
+TEST(Network, APredictionLowersTheErrorInNoise) {
+    auto a = limited<NetworkParams>();
+    const auto error = [&](double weight) {
+        a.law.prediction_weight = weight;
+        return Loop<Network<double>>(a).rms(10'000, 10'000);
+    };
+    EXPECT_LT(error(2.0), 0.8 * error(0.0));
 }
 
 double error_of(const BasisParams& basis, bool minimal = false, bool model = true) {

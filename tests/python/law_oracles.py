@@ -137,6 +137,42 @@ class Laws:
             self.coriolis = self.coriolis + 2 * self.h * self.gains.rate_gain * (moves[1, 0] - moves[0, 1]) * turn
 
 
+class Backstepping:
+    """The kind `linear` with all its options, for a known plant, as backstepping is written: z2 = v - alpha."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.plant, self.bound = Laws(scenario), np.array(scenario.adaptation.initial_bound)
+        self.integral, self.asked, self.offset, self.reached = np.zeros(2), None, np.zeros(2), 0
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h = self.c, self.h
+        q, v, r = np.array(s.position), np.array(s.velocity), np.array(s.reference)
+        z1, de = q - r, v - np.array(s.reference_velocity)
+        asks = np.array(s.reference_velocity) - c.fractional_gain * z1 - c.error_integral * self.integral
+        moves = np.array(s.reference_acceleration) - c.fractional_gain * de - c.error_integral * z1
+        if self.asked is None:
+            self.asked = asks
+            self.offset = v - asks if c.start_rate > 0 else self.offset
+        follows = 1 - np.exp(-h / c.surface_filter) if c.surface_filter > 0 else 1.0
+        alpha = asks
+        if c.surface_filter > 0:
+            alpha, moves = self.asked, follows / h * (asks - self.asked)
+        decays = 1 - np.exp(-c.start_rate * h)
+        z2 = v - alpha - self.offset
+        moves = moves - decays / h * self.offset
+        rho = self.bound @ [1, np.linalg.norm(q), np.linalg.norm(v)]
+        switching = rho * z2 / max(np.linalg.norm(z2), c.layer_thickness)
+        wanted = self.plant.force(q, v) + moves - c.coupling * z1 - switching
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.asked = self.asked + follows * (asks - self.asked)
+        self.offset = self.offset - decays * self.offset
+        if (wanted - force) @ z1 >= 0:
+            self.integral = self.integral + h * z1
+        return np.asarray(force)
+
+
 class DynamicSliding:
     """The force of a step from sigma at its end, which the reaching law gives."""
 
@@ -272,6 +308,9 @@ class Network:
         self.largest = max(phi @ phi for phi in on_orbit)
         self.rate = self.h * min(self.c.learning_frequency**2, 0.9 * self.c.reaching_rate / self.h)
         self.weights, self.theta, self.reached = np.zeros((len(on_orbit[0]), 2)), 0.0, 0
+        follows = (1 - np.exp(-self.h * self.c.prediction_rate)) / self.h
+        most = max(follows * (0.9 / self.rate - 1 / self.c.reaching_rate), 0.0)
+        self.weight, self.model = 0.0 if self.c.minimal else min(self.c.prediction_weight, most), None
 
     def orbit(self, time: np.ndarray) -> np.ndarray:
         angle = self.frequency * time[:, None] + self.phase
@@ -305,5 +344,9 @@ class Network:
         self.theta = self.theta * np.exp(-h * c.weight_leak) + active * self.rate * share * norm**2 / 2
         self.theta = min(self.theta, 2 * (0.8 / h - c.reaching_rate))
         keep = np.exp(-h * (c.weight_leak + c.error_leak * norm))
-        self.weights = keep * self.weights - active * self.rate / max(phi @ phi, self.largest) * np.outer(phi, surface)
+        missed = np.zeros(2) if self.model is None else de - self.model
+        # z decays by beta, and the acceleration under the acting force is what the network makes of it.
+        self.model = de - np.exp(-h * c.prediction_rate) * missed + h * (force - model - acceleration - learned)
+        learns = active * surface + self.weight * missed
+        self.weights = keep * self.weights - self.rate / max(phi @ phi, self.largest) * np.outer(phi, learns)
         return np.asarray(force)

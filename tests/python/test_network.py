@@ -23,6 +23,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "chebyshev": {"basis": "chebyshev", "polynomial_degree": 4, "switching_force": 5.0},
     "minimal": {"minimal": True, "weight_leak": 0.1, "learning_frequency": 100.0},
     "no model": {"model": False},
+    "prediction": {"prediction_weight": 2.0},
+    "prediction, fast": {"basis": "linear", "prediction_weight": 50.0, "prediction_rate": 40.0},
 }
 
 

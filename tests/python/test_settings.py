@@ -22,6 +22,8 @@ BESIDES = {
     "device.sensing",
     "controller.filter",
     "controller.observer_bandwidth",
+    "controller.event_threshold",
+    "controller.event_share",
 }
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = fg.Scenario.paper()

@@ -58,7 +58,7 @@ struct Basis {
     using Values = std::array<T, most>;
 
     struct Coefficients {
-        BasisKind kind = BasisKind::constant;
+        bool linear = false, gaussian = false, polynomial = false;  // else constant
         std::uint32_t count = 1;
         Vec2<T> per_position{}, per_velocity{};  // 1 over amplitude and peak
         T narrows{};                             // -1/(2b²)
@@ -69,7 +69,9 @@ struct Basis {
         const EquivalentSine sine = equivalent_sine(reference);
         const auto per = [](double a) { return T(a < 0.0 || 0.0 < a ? 1.0 / absolute(a) : 1.0); };
         const Vec2<double> peak = sine.amplitude * sine.frequency;
-        Coefficients c{.kind = p.kind,
+        Coefficients c{.linear = p.kind == BasisKind::linear,
+                       .gaussian = p.kind == BasisKind::gaussian,
+                       .polynomial = p.kind == BasisKind::chebyshev,
                        .count = count(p),
                        .per_position = {per(sine.amplitude.x()), per(sine.amplitude.y())},
                        .per_velocity = {per(peak.x()), per(peak.y())},
@@ -92,16 +94,16 @@ struct Basis {
     // The first `count` values; returns the sum of their squares.
     static T evaluate(const Coefficients& c, const Motion<T>& x, Values& values) {
         values[0] = T(1.0);
-        if (c.kind == BasisKind::linear) {
+        if (c.linear) {
             put(values, 1, x.position, x.velocity);
-        } else if (c.kind == BasisKind::gaussian) {
+        } else if (c.gaussian) {
             for (std::size_t j = 0; j < c.count; ++j) {
                 const Motion<T>& center = c.centers[j];
                 const T distance =
                     squared_norm(x.position - center.position) + squared_norm(x.velocity - center.velocity);
                 values[j] = exponential(c.narrows * distance);
             }
-        } else if (c.kind == BasisKind::chebyshev) {
+        } else if (c.polynomial) {
             polynomials(c, x, values);
         }
         T sum = values[0] * values[0];

@@ -48,6 +48,14 @@ struct FilterParams {
     bool on() const { return bandwidth > 0.0; }
 };
 
+// Parameters of the event trigger (hardware/trigger.hpp).
+struct TriggerParams {
+    double threshold = 0.0;  // a, of force
+    double share = 0.0;      // b, of the force that acts
+
+    bool on() const { return threshold > 0.0 || share > 0.0; }
+};
+
 // Nondimensional.
 struct Common {
     double step = 1e-3;
@@ -57,6 +65,7 @@ struct Common {
     GuardParams guard{};
     double observer_bandwidth = 0.0;  // bandwidth of the observer (hardware/observer.hpp); 0: the velocity is measured
     FilterParams filter{};
+    TriggerParams trigger{};
 
     static constexpr auto fields() {
         using C = Common;

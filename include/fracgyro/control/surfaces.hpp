@@ -9,15 +9,15 @@
 //    fractional           [52]  first = λ1 D^(α-1) e                       terminal = 0
 //    fractional fast terminal (16)  first = λ1 D^(α-1) e                   terminal = λ2 |e|^c sign(e)
 //
-//    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)).
+//    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)). To λ1 e, linear_term.hpp adds terms.
 //
-//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not
-//    empty, advance() if it has memory to update after the force is sent, and one line in registry.hpp.
+//    To add a surface: a type with Coefficients, State, prepare(), evaluate() and sound() as below, advance() if it has
+//    memory to update after the force is sent, and one line in registry.hpp.
 #pragma once
 
 #include "fracgyro/control/common.hpp"
 #include "fracgyro/control/datasheet.hpp"
-#include "fracgyro/control/error.hpp"
+#include "fracgyro/control/linear_term.hpp"
 #include "fracgyro/core/fractional.hpp"
 
 namespace fracgyro {
@@ -28,6 +28,7 @@ struct SurfaceParams {
     double terminal_exponent = 0.5;            // c in (0, 1)
     double singularity_floor = 1e-6;           // |e| below which |e|^(c-1) no longer grows
     bool riemann_liouville = true;             // which D^α: d/dt of D^(α-1) e is the Riemann-Liouville one
+    LinearTermParams linear{};
     ExponentialSum kernel{};
 
     static constexpr std::string_view derivatives[] = {"caputo", "riemann_liouville"};
@@ -46,6 +47,7 @@ struct SurfaceParams {
                   "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules."),
             choice("derivative", &P::riemann_liouville, derivatives,
                    "D^alpha of (18): caputo as printed; riemann_liouville cancels exactly. order 1.0: no difference."),
+            Inner{"controller", &P::linear},
         };
     }
 };
@@ -63,27 +65,6 @@ inline double position_share(const Datasheet& assumed, const Common& common) {
     const double ratio = assumed.position_noise > 0.0 ? travel / assumed.position_noise : 1e9;
     return ratio < 1e8 ? 2.0 * ratio / (square_root(ratio * ratio + 4.0) + ratio) : 1.0;
 }
-
-template <Scalar T>
-struct SurfacePoint {
-    Vec2<T> s{}, drift{};
-};
-
-// λ1 e
-template <Scalar T>
-struct LinearTerm {
-    struct Coefficients {
-        Vec2<T> gain{};
-    };
-    struct State {};
-
-    static Coefficients prepare(const SurfaceParams& p, double /*step*/, double /*position_share*/) {
-        return {.gain = cast<T>(p.fractional_gain)};
-    }
-    static SurfacePoint<T> evaluate(State&, const Coefficients& c, const Sample<T>& error) {
-        return {.s = c.gain * error.value, .drift = c.gain * error.derivative};
-    }
-};
 
 // λ1 D^(α-1) e, with room for `Capacity` exponentials.
 //
@@ -188,15 +169,15 @@ struct Surface {
     static Coefficients prepare(const SurfaceParams& p, double step, double position_share) {
         return {.first = First::prepare(p, step, position_share), .terminal = TerminalTerm<T>::prepare(p, step)};
     }
-    static bool sound(const State& state, const Coefficients& c) {
-        if constexpr (std::is_empty_v<State>) {
-            return true;
+    static bool sound(const State& state, const Coefficients& c) { return First::sound(state, c.first); }
+    static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error,
+                                    const SurfaceInput<T>& input = {}) {
+        SurfacePoint<T> point;
+        if constexpr (has_memory) {
+            point = First::evaluate(state, c.first, error);
         } else {
-            return First::sound(state, c.first);
+            point = First::evaluate(state, c.first, error, input);
         }
-    }
-    static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
-        SurfacePoint<T> point = First::evaluate(state, c.first, error);
         point.s = error.derivative + point.s;
         if constexpr (with_terminal) {
             const SurfacePoint<T> more = TerminalTerm<T>::evaluate(c.terminal, error);
@@ -205,9 +186,12 @@ struct Surface {
         return point;
     }
     // Moves the memory to the next sample, after the force is sent.
-    static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
-        if constexpr (requires { First::advance(state, c.first, error); }) {
+    static void advance(State& state, const Coefficients& c, const Sample<T>& error, const SurfaceInput<T>& input = {},
+                        const Vec2<T>& excess = {}) {
+        if constexpr (has_memory) {
             First::advance(state, c.first, error);
+        } else {
+            First::advance(state, c.first, error, input, excess);
         }
     }
 };

@@ -11,12 +11,17 @@
 //    for the reference, and M the largest ‖φ‖² on the orbit of the reference: ωₐ is the frequency of the loop that W
 //    and s make, whatever the basis. Sampled, it is stable for h ωₐ² < κ; ωₐ² is at most 0.9 κ/h. The leak is exact.
 //
+//    With a prediction (composite learning), W also learns from the error z of a model of ė under the acting force:
+//    s + g z in place of s, with dm/dt = u - û - Wᵀ φ + β z and z = ė - m. z is true at the force limit, too, and
+//    starts over after missing samples. Sampled, it is stable for h ωₐ² (1/κ + g/β̄) < 1, β̄ = (1 - e^(-β h))/h: g is
+//    at most what makes this 0.9.
+//
 //    `minimal` learns one number instead of W, a bound of its norm: u has -½ θ s min(‖φ‖²/M, 1) instead of Wᵀ φ, with
 //    dθ/dt = ½ ωₐ² ‖s‖² min(‖φ‖²/M, 1) - ℓ θ, so that the gain of s is at most 0.8/h. At the force limit, and without a
 //    sample, nothing is learned.
 //
 // Source: radial basis functions after doi 10.1155/2014/159047, minimal learning after Mathematical Problems in
-// Engineering 2017 (abstracts read); docs/decisions/0053.
+// Engineering 2017, prediction after doi 10.1109/TNNLS.2019.2919931 (abstracts read); docs/decisions/0053.
 #pragma once
 
 #include "fracgyro/control/basis.hpp"
@@ -30,10 +35,11 @@ namespace fracgyro {
 enum class NetworkInputs { measured, reference };
 
 struct NetworkParams {
-    double surface_gain = 30.0, reaching_rate = 90.0;      // λ, κ
-    double switching_force = 0.0, layer_thickness = 0.06;  // k_s, δ
-    double learning_frequency = 30.0;                      // ωₐ
-    double leak = 0.0, error_leak = 0.0;                   // ℓ, ℓ_s
+    double surface_gain = 30.0, reaching_rate = 90.0;       // λ, κ
+    double switching_force = 0.0, layer_thickness = 0.06;   // k_s, δ
+    double learning_frequency = 30.0;                       // ωₐ
+    double leak = 0.0, error_leak = 0.0;                    // ℓ, ℓ_s
+    double prediction_rate = 5.0, prediction_weight = 0.0;  // β, g
     bool minimal = false, nominal_model = true;
     NetworkInputs inputs = NetworkInputs::measured;
     BasisParams basis{};
@@ -55,6 +61,11 @@ struct NetworkParams {
                   "l, unit omega0: rate at which the weights return to 0. 0.0: off."),
             field("error_leak", &P::error_leak, "1/q0", at_least_0,
                   "l_s, unit 1/q0: the same for each unit of ||s||. 0.0: off."),
+            field("prediction_rate", &P::prediction_rate, "omega0", above_0,
+                  "beta, unit omega0, > 0: rate at which the model of de/dt follows it."),
+            field("prediction_weight", &P::prediction_weight, "1", at_least_0,
+                  "g: weight of the error of that model in what the weights learn from, next to s; not more is used "
+                  "than a sampled loop bears. minimal true, or 0.0: off."),
             choice("minimal", &P::minimal, switches,
                    "true: one number for the norm of the weights is learned, which is a gain. false: off, the "
                    "weights."),
@@ -90,11 +101,16 @@ struct Network {
     using Report = NetworkReport<T>;
     using Functions = Basis<T>;
 
+    struct Prediction {
+        T step{}, follows{}, weight{};  // h, 1 - e^(-β h), g
+        bool on = false;
+    };
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
         typename Saturation<T>::Coefficients saturation{};
         typename Feedforward<T>::Coefficients nominal{};
         typename Functions::Coefficients basis{};
+        Prediction prediction{};
         T surface_gain{}, reaching_gain{}, inverse_layer{}, most{};  // λ, κ, k_s/δ, k_s
         T rate{}, largest{}, inverse_largest{};                      // h ωₐ², M, 1/M
         T leak{}, error_leak{};                                      // -h ℓ, -h ℓ_s
@@ -104,16 +120,24 @@ struct Network {
     struct State {
         typename Reference<T>::State reference{};
         std::array<Vec2<T>, Functions::most> weights{};
-        T gain{};  // θ
+        T gain{};             // θ
+        Vec2<T> predicted{};  // m
+        Kept<T, bool> predicts = false;
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
         const double h = common.step, largest = Functions::largest_on_orbit(p.basis, common.reference);
         const double square = minimum(p.learning_frequency * p.learning_frequency, 0.9 * p.reaching_rate / h);
+        const double follows = 1.0 - exponential(-h * p.prediction_rate);
+        const double most = maximum(0.9 / (h * square) - 1.0 / p.reaching_rate, 0.0) * follows / h;
         return {.reference = Reference<T>::prepare(common.reference, h),
                 .saturation = Saturation<T>::prepare(common.force_limit),
                 .nominal = Feedforward<T>::prepare(p.nominal_model ? common.nominal : PlantModel<double>{}),
                 .basis = Functions::prepare(p.basis, common.reference),
+                .prediction = {.step = T(h),
+                               .follows = T(follows),
+                               .weight = T(minimum(p.prediction_weight, most)),
+                               .on = p.prediction_weight > 0.0 && !p.minimal},
                 .surface_gain = T(p.surface_gain),
                 .reaching_gain = T(p.reaching_rate),
                 .inverse_layer = T(p.switching_force / p.layer_thickness),
@@ -138,9 +162,10 @@ struct Network {
         }
         return {.norm = square_root(sum), .gain = T(0.5) * state.gain};
     }
-    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
+    static bool sound(const State& state, const Coefficients&) { return fracgyro::sound(state.predicts); }
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
     static void start_over(State& state, bool keep_estimates) {
+        state.predicts = false;
         if (!keep_estimates) {
             state.weights = {};
             state.gain = T(0.0);
@@ -165,12 +190,19 @@ struct Network {
         const T share = minimum(c.inverse_largest * square, T(1.0));
         const Vec2<T> learned = signals.report.learned =
             c.minimal ? -(T(0.5) * (state.gain * share)) * s : sum(state, c, phi);
-        const Vec2<T> wanted = Feedforward<T>::force(c.nominal, there) - c.surface_gain * e.derivative -
-                               c.reaching_gain * s - clamp(c.inverse_layer * s, -c.most, c.most) + learned;
+        const Vec2<T> keeps = Feedforward<T>::force(c.nominal, there);
+        const Vec2<T> wanted = keeps - c.surface_gain * e.derivative - c.reaching_gain * s -
+                               clamp(c.inverse_layer * s, -c.most, c.most) + learned;
         // The weights move the force against s.
         const T active = Saturation<T>::apply(signals, c.saturation, wanted, s);
+        state.predicts = state.predicts && missing == nullptr;
         if (missing == nullptr) {
-            learn(state, c, phi, square, share, s, active);
+            Vec2<T> learned_from = active * s;
+            if (c.prediction.on) {
+                learned_from = learned_from +
+                               c.prediction.weight * missed(state, c.prediction, e, signals.force - keeps - learned);
+            }
+            learn(state, c, phi, square, share, learned_from, s);
         }
         return signals;
     }
@@ -183,14 +215,25 @@ private:
         }
         return force;
     }
+    // z, of which the model forgets its share in a step under this acceleration.
+    static Vec2<T> missed(State& state, const Prediction& c, const Sample<T>& error, const Vec2<T>& accelerates) {
+        if (!state.predicts) {
+            state.predicted = error.derivative;
+            state.predicts = true;
+        }
+        const Vec2<T> z = error.derivative - state.predicted;
+        state.predicted = state.predicted + c.follows * z + c.step * accelerates;
+        return z;
+    }
+    // `from`: 0 where it would wind up, s, or s + g z.
     static void learn(State& state, const Coefficients& c, const typename Functions::Values& phi, T square, T share,
-                      const Vec2<T>& s, T active) {
+                      const Vec2<T>& from, const Vec2<T>& s) {
         if (c.minimal) {
-            const T grows = T(0.5) * (active * c.rate) * (share * squared_norm(s));
+            const T grows = T(0.5) * c.rate * (share * squared_norm(from));
             state.gain = minimum(c.keep * state.gain + grows, c.room);
             return;
         }
-        const Vec2<T> moves = (active * (c.rate / maximum(square, c.largest))) * s;
+        const Vec2<T> moves = (c.rate / maximum(square, c.largest)) * from;
         T keep = c.keep;
         if (c.leaks_by_error) {
             keep = exponential(c.leak + c.error_leak * norm(s));

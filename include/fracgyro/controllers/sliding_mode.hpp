@@ -137,7 +137,8 @@ struct SlidingModeController {
             missing == nullptr && !estimates_motion
                 ? measured
                 : Motion<T>{.position = r.position + error.value, .velocity = r.velocity + error.derivative};
-        const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
+        const SurfaceInput<T> input{.reference = r, .measured = missing == nullptr};
+        const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error, input);  // 3
         signals.report.surface = surface.s;
         Norms<T> norms = norms_of(motion, surface.s);
         const auto& estimates = control_estimates(state, c, signals.report);
@@ -154,7 +155,7 @@ struct SlidingModeController {
             learned_from = active * surface.s;
             norms.surface = active * norms.surface;
         }
-        SurfaceType::advance(state.surface, c.surface, error);
+        SurfaceType::advance(state.surface, c.surface, error, input, signals.excess);
         if constexpr (estimates_motion) {  // 5
             const Vec2<T>& acts = missing == nullptr ? signals.force : state.adaptation.force;
             AdaptationType::Filter::predict(state.adaptation, c.adaptation.filter, r, acts, missing == nullptr);

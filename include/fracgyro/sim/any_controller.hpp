@@ -4,7 +4,7 @@
 #pragma once
 
 #include "fracgyro/core/saved.hpp"
-#include "fracgyro/hardware/motion_filter.hpp"
+#include "fracgyro/hardware/trigger.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/metrics.hpp"
 
@@ -144,35 +144,20 @@ private:
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };
 
-// Another controller behind the filter, whose state comes before that of the controller.
-template <Scalar T, bool velocity_measured>
-class FilteredController final : public AnyController<T> {
-    using Filter = MotionFilter<T, velocity_measured>;
-    using State = typename Filter::State;
+// Another controller with something around it, whose state comes before that of the controller.
+template <Scalar T, class Part>
+class AroundController : public AnyController<T> {
+protected:
+    using State = typename Part::State;
 
 public:
-    FilteredController(AnyController<T>& controller, const Common& common,
-                       std::unique_ptr<AnyController<T>> owned = nullptr)
-        : controller_(controller), owned_(std::move(owned)), coefficients_(Filter::prepare(common)) {
+    AroundController(AnyController<T>& controller, std::unique_ptr<AnyController<T>> owned,
+                     const typename Part::Coefficients& coefficients)
+        : controller_(controller), coefficients_(coefficients), owned_(std::move(owned)) {
         clear(state_);
     }
 
-    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
-        return Filter::step(state_, coefficients_, measured, missing != nullptr,
-                            [&](const Motion<T>& seen) { return controller_.step(seen, missing); });
-    }
-    void start_over(bool keep_estimates) override {
-        controller_.start_over(keep_estimates);
-        Filter::start_over(state_, keep_estimates);
-    }
     std::uint64_t steps() const override { return controller_.steps(); }
-    bool needs_velocity() const override { return velocity_measured; }
-    bool takes_filter() const override { return false; }
-    void set(const ControllerParams& params, const Common& common) override {
-        controller_.set(params, common);
-        coefficients_ = Filter::prepare(common);
-    }
-
     std::span<const double> report() override { return controller_.report(); }
     CommonReport common_report() override { return controller_.common_report(); }
     double rate() override { return controller_.rate(); }
@@ -188,7 +173,7 @@ public:
     bool restore(const unsigned char* bytes, std::uint64_t steps) override {
         State read;
         copy_bytes(&read, bytes, sizeof(State));
-        const bool can = Filter::sound(read) && controller_.restore(bytes + sizeof(State), steps);
+        const bool can = Part::sound(read) && controller_.restore(bytes + sizeof(State), steps);
         if (can) {
             state_ = read;
         }
@@ -198,27 +183,87 @@ public:
         return controller_.steps_of(bytes + sizeof(State));
     }
 
-private:
+protected:
     AnyController<T>& controller_;
-    std::unique_ptr<AnyController<T>> owned_;
-    typename Filter::Coefficients coefficients_{};
+    typename Part::Coefficients coefficients_{};
     State state_;
+
+private:
+    std::unique_ptr<AnyController<T>> owned_;
 };
 
-// The controller behind the filter; nullptr if there is none for it.
+template <Scalar T, bool velocity_measured>
+class FilteredController final : public AroundController<T, MotionFilter<T, velocity_measured>> {
+    using Filter = MotionFilter<T, velocity_measured>;
+
+public:
+    FilteredController(AnyController<T>& controller, std::unique_ptr<AnyController<T>> owned, const Common& common)
+        : AroundController<T, Filter>(controller, std::move(owned), Filter::prepare(common)) {}
+
+    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
+        return Filter::step(this->state_, this->coefficients_, measured, missing != nullptr,
+                            [&](const Motion<T>& seen) { return this->controller_.step(seen, missing); });
+    }
+    void start_over(bool keep_estimates) override {
+        this->controller_.start_over(keep_estimates);
+        Filter::start_over(this->state_, keep_estimates);
+    }
+    bool needs_velocity() const override { return velocity_measured; }
+    bool takes_filter() const override { return false; }
+    void set(const ControllerParams& params, const Common& common) override {
+        this->controller_.set(params, common);
+        this->coefficients_ = Filter::prepare(common);
+    }
+};
+
 template <Scalar T>
-std::unique_ptr<AnyController<T>> behind_filter(AnyController<T>& controller, const Common& common,
-                                                std::unique_ptr<AnyController<T>> owned = nullptr) {
-    if (!common.filter.on() || !controller.takes_filter()) {
-        return nullptr;
+class TriggeredController final : public AroundController<T, Trigger<T>> {
+public:
+    TriggeredController(AnyController<T>& controller, std::unique_ptr<AnyController<T>> owned, const Common& common)
+        : AroundController<T, Trigger<T>>(controller, std::move(owned), Trigger<T>::prepare(common.trigger)) {}
+
+    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
+        auto signals = this->controller_.step(measured, missing);
+        signals.force = Trigger<T>::sent(this->state_, this->coefficients_, signals.force);
+        return signals;
     }
-    if (common.observer_bandwidth > 0.0) {
-        return std::make_unique<FilteredController<T, false>>(controller, common, std::move(owned));
+    void start_over(bool keep_estimates) override { this->controller_.start_over(keep_estimates); }
+    bool needs_velocity() const override { return this->controller_.needs_velocity(); }
+    bool takes_filter() const override { return this->controller_.takes_filter(); }
+    void set(const ControllerParams& params, const Common& common) override {
+        this->controller_.set(params, common);
+        this->coefficients_ = Trigger<T>::prepare(common.trigger);
     }
-    return std::make_unique<FilteredController<T, true>>(controller, common, std::move(owned));
+};
+
+// The controller with event trigger and filter around it; nullptr if it has neither.
+template <Scalar T>
+std::unique_ptr<AnyController<T>> behind_wrappers(AnyController<T>& controller, const Common& common,
+                                                  std::unique_ptr<AnyController<T>> owned = nullptr) {
+    std::unique_ptr<AnyController<T>> made;
+    AnyController<T>* inner = &controller;
+    const auto put = [&]<class Around>() {
+        made = std::make_unique<Around>(*inner, std::move(owned), common);
+        inner = made.get();
+    };
+    if (common.trigger.on()) {
+        put.template operator()<TriggeredController<T>>();
+        owned = nullptr;
+    }
+    if (common.filter.on() && controller.takes_filter()) {
+        if (made != nullptr) {
+            owned = std::move(made);
+        }
+        if (common.observer_bandwidth > 0.0) {
+            put.template operator()<FilteredController<T, false>>();
+        } else {
+            put.template operator()<FilteredController<T, true>>();
+        }
+    }
+    return made;
 }
 
-// The controller with these parameters, behind its filter; for a device without velocity sensors, one that needs none
+// The controller with these parameters, and all around it; for a device without velocity sensors, one that needs none
 // or that will be put behind an observer (with_erased).
 template <Scalar T>
 std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {
@@ -233,9 +278,9 @@ std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params
         }
         made = std::make_unique<ControllerOf<C>>(params, common);
     });
-    if (common.filter.on() && made->takes_filter()) {
+    if (common.trigger.on() || (common.filter.on() && made->takes_filter())) {
         AnyController<T>& plain = *made;
-        return behind_filter<T>(plain, common, std::move(made));
+        return behind_wrappers<T>(plain, common, std::move(made));
     }
     return made;
 }

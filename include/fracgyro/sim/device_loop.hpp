@@ -28,7 +28,7 @@ bool is_ideal(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
            !d.position.on() && !d.velocity.on() && !d.actuator().on() && !d.pickoff.on() && !d.force.on() &&
-           d.delay == 0 && s.common.observer_bandwidth == 0.0 && !s.common.filter.on();
+           d.delay == 0 && s.common.observer_bandwidth == 0.0 && !s.common.filter.on() && !s.common.trigger.on();
 }
 
 // A Snapshot of such a run; position, velocity and error are the true ones, `signals.force` is the requested force.

@@ -47,7 +47,8 @@ public:
     bool set(const PlantSetup& other) {
         const FilterParams &one = setup_.common.filter, &next = other.common.filter;
         const bool can = (!checks_ || same_controller(setup_.controller, other.controller)) && one.on() == next.on() &&
-                         one.assumed.delay == next.assumed.delay;
+                         one.assumed.delay == next.assumed.delay &&
+                         setup_.common.trigger.on() == other.common.trigger.on();
         if (can) {
             controller_->set(other.controller, other.common);
             take(other);

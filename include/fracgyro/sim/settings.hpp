@@ -98,14 +98,15 @@ inline void take_terms(DisturbanceParams& disturbance, std::span<const double> n
     }
 }
 
-// Observer and filter as numbers: the bandwidth of each, 0 without it; noise of force, position and velocity, and the
-// delay, that the filter assumes.
-using SensingNumbers = std::array<double, 6>;
+// Observer, filter and event trigger as numbers: the bandwidth of observer and filter, 0 without it; noise of force,
+// position and velocity, and the delay, that the filter assumes; threshold and share of the trigger, 0 without it.
+using SensingNumbers = std::array<double, 8>;
 inline SensingNumbers sensing_of(const Common& common) {
     const FilterParams& f = common.filter;
     return {common.observer_bandwidth, f.bandwidth,
             f.assumed.force_noise,     f.assumed.position_noise,
-            f.assumed.velocity_noise,  static_cast<double>(f.assumed.delay)};
+            f.assumed.velocity_noise,  static_cast<double>(f.assumed.delay),
+            common.trigger.threshold,  common.trigger.share};
 }
 inline void take_sensing(Common& common, const SensingNumbers& numbers) {
     common.observer_bandwidth = numbers[0];
@@ -114,6 +115,7 @@ inline void take_sensing(Common& common, const SensingNumbers& numbers) {
                                  .position_noise = numbers[3],
                                  .velocity_noise = numbers[4],
                                  .delay = static_cast<std::int64_t>(numbers[5])}};
+    common.trigger = {.threshold = numbers[6], .share = numbers[7]};
 }
 
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.

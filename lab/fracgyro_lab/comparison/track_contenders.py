@@ -81,6 +81,10 @@ NETWORK = (
     Gain("controller.learning_frequency", 1.0, 150.0, above=LATE),
     Gain("controller.weight_leak", 1e-4, 3.0, below="0 is the law without it"),
 )
+PREDICTION = (
+    Gain("controller.prediction_rate", 3.0, 800.0),
+    Gain("controller.prediction_weight", 0.01, 100.0, below="0 is the law without it"),
+)
 WIDTH = Gain("controller.node_width", 0.2, 3.0, above="the nodes are nearly one constant")
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
@@ -94,6 +98,8 @@ CASCADED = "doi 10.3390/mi12020190 (abstract read); docs/decisions/0053"
 POLYAKOV = "Polyakov 2012, doi 10.1109/TAC.2011.2179869 (from memory); docs/decisions/0053"
 BOUNDED = "2023, doi 10.1049/cth2.12484 (abstract and code read); docs/decisions/0053"
 NEURAL = "doi 10.1155/2014/159047 (abstract read); docs/decisions/0053"
+COMPOSITE = "doi 10.1109/TNNLS.2019.2919931 (abstract read); docs/decisions/0053"
+STEPPED = "doi 10.3390/mi9070338 (abstract read); docs/decisions/0053"
 TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
@@ -349,6 +355,23 @@ UNFILTERED = (
             ("network_constant", "constant", "a network of one constant node: an integral", ()),
             ("network_chebyshev", "chebyshev", "Chebyshev polynomials of degree 2", ()),
         )
+    ),
+    Contender(
+        "network_predicted",
+        "that network with 16 nodes, which also learns from a prediction",
+        COMPOSITE,
+        kind("network"),
+        (*NETWORK, WIDTH, *PREDICTION),
+        observer=OBSERVER,
+        contains=(Contained("network", {PREDICTION[1].field: PREDICTION[1].low}),),
+    ),
+    Contender(
+        "backstepping",
+        "adaptive backstepping: the linear surface with one term more",
+        STEPPED,
+        kind("linear") | STABLE | {"controller.coupling": 1.0},
+        (LINEAR_GAIN, LAYER, RHO, LAWS),
+        observer=OBSERVER,
     ),
 )
 

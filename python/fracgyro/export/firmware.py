@@ -104,7 +104,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         '#include "fracgyro/hardware/guard.hpp"',
         '#include "fracgyro/control/course.hpp"',
         '#include "fracgyro/controllers/registry.hpp"',
-        '#include "fracgyro/hardware/motion_filter.hpp"',
+        '#include "fracgyro/hardware/trigger.hpp"',
         "",
         "// Unnamed, so that two exported controllers can be linked into one program.",
         "namespace fracgyro_exported {",
@@ -164,7 +164,8 @@ def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list
     positions_only, filtered = (bandwidth > 0.0 for bandwidth in setup.sensing[:2])
     if positions_only:
         lines.append("// Without a velocity sensor: the velocity in fracgyro_motion is ignored.")
-    if positions_only or filtered:
-        seen = f"{str(positions_only).lower()}, {str(filtered).lower()}"
-        controller = f"fracgyro::ForSensors<{controller}, {seen}>::Type"
+    triggered = max(setup.sensing[6:]) > 0.0
+    if positions_only or filtered or triggered:
+        seen = ", ".join(str(each).lower() for each in (positions_only, filtered, triggered))
+        controller = f"fracgyro::ForDevice<{controller}, {seen}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]

@@ -61,15 +61,22 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def sensing(scenario: Scenario) -> list[float]:
-    """Observer and filter for the core, as sensing_of in include/fracgyro/sim/settings.hpp lists them."""
+    """Observer, filter, event trigger for the core, as sensing_of in include/fracgyro/sim/settings.hpp lists them."""
     return list(core_setup(scenario).sensing)
 
 
 def observer_bandwidth(scenario: Scenario) -> float:
-    """Observer bandwidth for the core: 0 if the velocity is measured. Raises ScenarioError for a filter.
+    """Observer bandwidth for the core: 0 if the velocity is measured. Raises ScenarioError for a filter or trigger.
 
-    For targets without it.
+    For targets without them.
     """
+    c = scenario.controller
+    for name in ("event_threshold", "event_share"):
+        if getattr(c, name) > 0:
+            raise ScenarioError(
+                f"controller.{name} is {format_value(getattr(c, name))}: it must be 0.0 for this target, which has no "
+                "event trigger"
+            )
     if scenario.controller.filter != "none":
         raise ScenarioError(
             f"controller.filter is {format_value(scenario.controller.filter)}: it must be none for this target, which "

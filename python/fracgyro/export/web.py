@@ -48,7 +48,7 @@ BESIDES: dict[str, dict[str, Any]] = {
     for table, model, names in (
         ("run", Run, ("duration", "record_every", "kernel_tolerance")),
         ("device", Device, ("sensing",)),
-        ("controller", Controller, ("filter", "observer_bandwidth")),
+        ("controller", Controller, ("filter", "observer_bandwidth", "event_threshold", "event_share")),
     )
     for name in names
 }

@@ -18,8 +18,9 @@ IDEAL = Device()
 
 def is_ideal(scenario: Scenario) -> bool:
     """True if the rate is constant and the device ideal, and the controller receives the measurements themselves."""
-    unfiltered = bool(scenario.controller.filter == "none")
-    return unfiltered and scenario.rate.kind == "constant" and scenario.device == IDEAL
+    c = scenario.controller
+    plain = bool(c.filter == "none" and not c.event_threshold and not c.event_share)
+    return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL
 
 
 def rate_values(scenario: Scenario) -> dict[str, Any]:

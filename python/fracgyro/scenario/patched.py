@@ -25,6 +25,8 @@ READ_ELSEWHERE = frozenset(
         "controller.force_limit",
         "controller.filter",
         "controller.observer_bandwidth",
+        "controller.event_threshold",
+        "controller.event_share",
         "controller.layer_thickness",
         "controller.switching_limit",
         "adaptation.kind",

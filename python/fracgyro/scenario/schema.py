@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import create_model, model_validator
 
+from .disturbance import FORCE
 from .kinds import KINDS, MEANINGS, PLANT_KINDS, PLANT_MEANINGS, plant_fields, plants_with, table_fields
 from .scales import Scales
 from .table import (
@@ -202,6 +203,14 @@ class Controller(_Controller):
         gt=0,
         unit="omega0",
     )
+    event_threshold: float = field(
+        0.0,
+        "a, unit of force: event trigger, the force is sent only if it differs on an axis by a and the share "
+        "event_share from the one that acts. With event_share 0.0, 0.0: off, every step.",
+        ge=0,
+        unit=FORCE,
+    )
+    event_share: float = field(0.0, "b: share of the acting force that event_threshold has more. 0.0: off.", ge=0)
 
     @model_validator(mode="after")
     def _check(self) -> Self:

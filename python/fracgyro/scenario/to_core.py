@@ -323,13 +323,14 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
 
 
 def _sensing(scenario: Scenario, found: Derived) -> list[float]:
-    """Observer and filter, as sensing_of in settings.hpp lists them."""
+    """Observer, filter and event trigger, as sensing_of in settings.hpp lists them."""
     c, positions = scenario.controller, scenario.device.sensing == "position"
     observed = c.observer_bandwidth if positions else 0.0
+    trigger = c.event_threshold, c.event_share
     if c.filter == "none":
-        return [observed, *[0.0] * (1 + len(OF_FILTER))]
+        return [observed, *[0.0] * (1 + len(OF_FILTER)), *trigger]
     assumed = datasheet(scenario, found)
-    return [observed, c.observer_bandwidth, *(float(getattr(assumed, name)) for name in OF_FILTER)]
+    return [observed, c.observer_bandwidth, *(float(getattr(assumed, name)) for name in OF_FILTER), *trigger]
 
 
 @lru_cache(maxsize=32)

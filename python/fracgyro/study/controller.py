@@ -22,7 +22,13 @@ from ..simulation.user_controller import ControllerLike, UserController, control
 LAW = "law."  # prefix of a parameter's name, to distinguish it from fields of a scenario
 # Fields that a native.Law replaces; a callable may read all of them in reset(scenario).
 OF_THE_CONTROLLER = ("controller.", "adaptation.", "guard.", "run.kernel_tolerance")
-OF_ANY_LAW = ("controller.force_limit", "controller.filter", "controller.observer_bandwidth")
+OF_ANY_LAW = (
+    "controller.force_limit",
+    "controller.filter",
+    "controller.observer_bandwidth",
+    "controller.event_threshold",
+    "controller.event_share",
+)
 
 
 def is_parameter(field: str) -> bool:

@@ -1,0 +1,106 @@
+// Event trigger: the controller runs each step, and its force is sent only if it is another than the one that acts.
+//
+// Use it when each force that is sent costs something: a bus, a converter's energy.
+//
+//        a new force is sent if  |u - u_sent| >= a + b |u_sent|  on either axis
+//
+//    The acting force is within a + b |u_sent| of that of the law, a bounded disturbance more: below the noise of the
+//    law's force, every step sends. Observer and filter know the sent force, and models within a law that of the law.
+//
+// Source: textbook; docs/decisions/0053.
+#pragma once
+
+#include "fracgyro/hardware/motion_filter.hpp"
+
+namespace fracgyro {
+
+template <Scalar T>
+struct Trigger {
+    struct Coefficients {
+        T threshold{}, share{};  // a, b
+    };
+    struct State {
+        Vec2<T> sent{};
+    };
+
+    static Coefficients prepare(const TriggerParams& p) { return {.threshold = T(p.threshold), .share = T(p.share)}; }
+
+    static bool sound(const State&) { return true; }  // numbers only
+
+    // The force that acts. A wanted one that is not a number is sent, as only the guard knows what to do with it.
+    static Vec2<T> sent(State& state, const Coefficients& c, const Vec2<T>& wanted) {
+        const Vec2<T> differs = absolute(wanted - state.sent);
+        const Vec2<T> allowed = Vec2<T>{c.threshold, c.threshold} + c.share * absolute(state.sent);
+        const T zero = T(0.0), one = T(1.0);
+        const T keeps = if_less(differs.x(), allowed.x(), one, zero) * if_less(differs.y(), allowed.y(), one, zero);
+        state.sent = if_less({zero, zero}, {keeps, keeps}, state.sent, wanted);
+        return state.sent;
+    }
+};
+
+// A controller whose force is sent by events.
+template <Resumable Controller>
+struct Triggered {
+    using Value = typename Controller::Value;
+    using T = Value;
+    using Params = typename Controller::Params;
+    using Report = typename Controller::Report;
+    static constexpr bool measures_velocity = fracgyro::measures_velocity<Controller>;
+
+    struct Coefficients {
+        typename Controller::Coefficients controller{};
+        typename Trigger<T>::Coefficients trigger{};
+    };
+    struct State {
+        typename Controller::State controller{};
+        typename Trigger<T>::State trigger{};
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        return {.controller = Controller::prepare(p, common), .trigger = Trigger<T>::prepare(common.trigger)};
+    }
+    static bool sound(const State& state, const Coefficients& c) {
+        return Controller::sound(state.controller, c.controller);
+    }
+    static Report report(const State& state, const Coefficients& c) {
+        return Controller::report(state.controller, c.controller);
+    }
+    static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
+    // The sent force still acts.
+    static void start_over(State& state, bool keep_estimates) {
+        Controller::start_over(state.controller, keep_estimates);
+    }
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        Signals<T, Report> signals = Controller::step(state.controller, c.controller, measured, missing);
+        signals.force = Trigger<T>::sent(state.trigger, c.trigger, signals.force);
+        return signals;
+    }
+};
+
+// The observer is in front of it, and knows what was sent.
+template <Resumable Controller>
+struct FromPositions<Triggered<Controller>> {
+    using Known = typename FromPositions<Controller>::Type;
+    using Type = std::conditional_t<std::is_same_v<Known, Observing<Controller>>, Observing<Triggered<Controller>>,
+                                    Triggered<Known>>;
+};
+
+// The controller for the sensors of a device, with its force sent by events or not.
+template <Resumable Controller, bool positions_only, bool filtered, bool triggered>
+struct ForDevice {
+    using Sending = std::conditional_t<triggered, Triggered<Controller>, Controller>;
+    using Type = typename ForSensors<Sending, positions_only, filtered>::Type;
+};
+
+// Calls visit.template operator()<C>() with that type.
+template <Resumable Controller, class Visit>
+void for_device(const Common& common, Visit&& visit) {
+    if (common.trigger.on()) {
+        for_sensors<Triggered<Controller>>(common, visit);
+    } else {
+        for_sensors<Controller>(common, visit);
+    }
+}
+
+}  // namespace fracgyro
