@@ -72,6 +72,10 @@ def beats_integral_action(m: Material) -> Judged:
     return _error_over(m, "network_constant", "with one constant node, an integral", SMALLER)
 
 
+def beats_network(m: Material) -> Judged:
+    return _error_over(m, "network", "of the same network without a prediction", SMALLER)
+
+
 def beats_linear(m: Material) -> Judged:
     return _error_over(m, "linear", "of the linear surface", 1.0)
 
@@ -174,6 +178,10 @@ CRITERIA: dict[str, tuple[str, Callable[[Material], Judged]]] = {
     "beats_integral_action": (
         f"error below {SMALLER:g} times that with one constant node, in the whole 95 % interval of all searches",
         beats_integral_action,
+    ),
+    "beats_network": (
+        f"error below {SMALLER:g} times that of the same network without a prediction, in the whole 95 % interval",
+        beats_network,
     ),
     "beats_linear": ("error below that of the linear surface, with the whole 95 % interval", beats_linear),
     "less_chattering": ("chattering below that of the linear surface, at no larger an error", less_chattering),

@@ -51,7 +51,7 @@ def contender_of(name: str, facts: Facts) -> Contender:
         fixed={**known.fixed, **own},
         gains=tuple(gain for gain in known.gains if gain.field not in own),
         classes=(facts.information,),
-        contains=(),
+        contains=() if own else known.contains,
         group="",
     )
     found.scenario(base())
@@ -91,9 +91,11 @@ SWITCHES = (
     Switch("16 Gaussian nodes instead of one constant node", "network", "network_constant"),
     Switch("Chebyshev polynomials instead of one constant node", "network_chebyshev", "network_constant"),
     Switch("the inputs themselves instead of one constant node", "network_linear", "network_constant"),
+    Switch("learning from a prediction, too", "network_predicted", "network"),
     Switch("weights instead of a bound of their norm", "network", "minimal_learning"),
     Switch("the nominal plant under the network", "network", "network_without_model"),
     Switch("a disturbance observer under the integral", "integral_sliding", "integral_without_observer"),
+    Switch("the coupling term of backstepping", "backstepping", "linear"),
     Switch("the terminal term of the fractional surface", "paper", "paper_no_terminal"),
     Switch("the fractional order of the surface", "paper", "paper_integer_order"),
     Switch("the adaptation laws (44)", "paper", "paper_no_adaptation"),
@@ -108,7 +110,7 @@ def laws() -> dict[str, Contender]:
     for name in wanted:
         if name not in found:
             law = others.get(name) or KNOWN[name]
-            found[name] = replace(law, classes=("F",), contains=(), group="")
+            found[name] = replace(law, classes=("F",), group="")
     return found
 
 

@@ -31,7 +31,7 @@ from .printed import SWITCHES as ERRORS
 from .printed import Curves, PrintedRun, integrated
 from .result import CONDITIONS, Zoo
 
-FULL = Effort(120, 4, 2, 2, 20, 10, False)
+FULL = Effort(100, 4, 2, 2, 20, 8, False)
 QUICK = Effort(0, 1, 1, 1, 4, 1, True)
 SETTINGS = {"noise": NOISE, "none": 0.0}
 VARIANTS = {"printed": frozenset(ERRORS), "corrected": frozenset[str]()}
