@@ -87,7 +87,7 @@ def test_only_numbers_of_a_code_or_a_text_that_was_read_are_called_as_published(
         (
             "given.a = { value = 1, unit = 'pc' }",
             {},
-            'given.a.unit is "pc": it must be an SI unit such as "N/m", or "" if none is printed',
+            'given.a.unit is "pc": it must be an SI unit such as "N/m", or "" for a number without one',
         ),
         (
             "given.a = { value = 1, from = 'page 1' }",

@@ -40,7 +40,7 @@ remark = ""
 #is = "file.hpp::Name"
 #from = "page 4"
 
-# Each number as printed, with its unit ("" if none is printed) and where it is; without `from` it is ours.
+# Each number as printed, with its unit ("" if the paper prints no unit) and where it is; without `from` it is ours.
 #[given]
 #mass = {{ value = 1.8e-7, unit = "kg", from = "page 7" }}
 

@@ -50,7 +50,7 @@ class Given(Part):
     """A number as it is printed, with its unit and where it is."""
 
     value: Annotated[Any, PlainValidator(lambda given: _number(given)), WithJsonSchema(NUMBER)]
-    unit: str = ""  # "": none is printed
+    unit: str = ""  # "": without one
     source: Line = Field(OURS, alias="from")
 
     @field_validator("unit")
@@ -60,7 +60,7 @@ class Given(Part):
             if unit:
                 parse(unit)
         except UnitError:
-            raise _rule('it must be an SI unit such as "N/m", or "" if none is printed') from None
+            raise _rule('it must be an SI unit such as "N/m", or "" for a number without one') from None
         return unit
 
     def si(self) -> Number:
@@ -125,7 +125,7 @@ class Facts(Part):
     year: int = Field(ge=1900, le=2100)
     seen: Seen
     words: Line  # the law in a line
-    contender: str  # of `compare track`: the law's kind, options and ranges of gains
+    contender: str  # in `compare track`: the law's kind, options and ranges of gains
     information: Literal["F", "P"] = "F"
     plant: str = "paper"
     reduces_to: Line = ""  # the simplest law that it equals nearly

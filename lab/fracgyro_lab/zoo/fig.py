@@ -33,7 +33,7 @@ def lines(path: str) -> list[Line]:
         tree = loadmat(io.BytesIO(read_input(path)), squeeze_me=True, struct_as_record=False)
     except OSError as error:
         raise ScenarioError(f"{path} cannot be read: {reason(error)}") from None
-    except Exception as error:  # of the reader, for any other file
+    except Exception as error:  # the reader has many, for any other file
         raise ScenarioError(f"{path} is not a MATLAB figure: {error}") from None
     roots = [tree[name] for name in tree if name.startswith(ROOT)]
     axes = [each for root in roots for each in _below(root) if each.type == AXES]

@@ -38,7 +38,7 @@ HEADS = (
     "Bytes",
     "Claims: held, failed, untestable",
 )
-BEYOND = "\nabove the ceiling"  # of the chattering
+BEYOND = "\nabove the ceiling"  # the ceiling of chattering
 Row = dict[str, Any]
 
 

@@ -25,7 +25,7 @@ SWITCHES = (
     "triple_estimate",
 )
 ROOT, CUBE = 0.5**0.75, 0.5**2  # factors of roots and cubes
-FLOOR = 1e-3  # of the argument of a root in its slope, with signed powers
+FLOOR = 1e-3  # least argument of a root in its slope, with signed powers
 LOST = 1e6  # q0: control is lost
 State = list[float]
 
