@@ -120,7 +120,7 @@ class Done:
     """A finished plan."""
 
     folder: Path
-    rows: dict[str, dict[str, Any]]  # as in compare.json, by name
+    rows: dict[str, dict[str, Any]]  # rows of compare.json, by name
     limits: list[dict[str, Any]]
     judged: dict[str, dict[str, Any]]  # results of `Judging.measure`, by name of the row
     resumed: int  # pieces of work that were found finished
