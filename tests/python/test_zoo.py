@@ -328,6 +328,55 @@ def test_a_trace_has_the_largest_error_of_each_part_and_blocks_show_it() -> None
     assert page.blocks([1e-3] * 60, width=4) == "▅▅▅▅"
 
 
+# -- What laws reduce to -----------------------------------------------------------------------------------------------
+
+
+def steady(changes: dict[str, Any]) -> np.ndarray:
+    """Steady RMS errors of a law without noise, for two seeds of the disturbance."""
+    scenario = laws.sensed_base(laws.cell("F", 0.0)).replace(changes)
+    return np.asarray(fg.measure_many([scenario], seeds=[0, 1])["rmse"].sel(window="steady"))
+
+
+def test_a_disturbance_observer_is_a_constant_node_with_the_same_poles() -> None:
+    pole, rate, observer = 5.0, 10.0, 20.0  # the loops of both have these three poles
+    observed = steady(
+        {
+            "controller.kind": "integral_sliding",
+            "controller.surface_gain": pole,
+            "controller.reaching_rate": rate,
+            "controller.integral_rate": 0.0,
+            "controller.disturbance_observer": observer,
+        }
+    )
+    learned = steady(
+        {
+            "controller.kind": "network",
+            "controller.basis": "constant",
+            "controller.surface_gain": pole,
+            "controller.reaching_rate": rate + observer,
+            "controller.learning_frequency": math.sqrt(rate * observer),
+        }
+    )
+    assert observed == pytest.approx(learned, rel=0.01)
+
+
+@pytest.mark.parametrize(("first", "second", "difference"), [(20.0, 25.0, 2e-3), (200.0, 220.0, 1e-4)])
+def test_backstepping_is_the_linear_surface_but_for_the_error_over_both_gains(
+    first: float, second: float, difference: float
+) -> None:
+    linear: dict[str, Any] = {
+        "controller.kind": "linear",
+        "controller.fractional_gain": (first, first),
+        "controller.layer_thickness": 100.0,
+        "controller.switching_limit": 0.8,
+        "adaptation.initial_bound": (100.0 * second, 0.0, 0.0),
+        "adaptation.bound_gain": (1e-12,) * 3,
+    }
+    without, coupled = steady(linear), steady({**linear, "controller.coupling": 1.0})
+    assert (without != coupled).all()
+    assert coupled == pytest.approx(without, rel=difference)
+
+
 # -- The report --------------------------------------------------------------------------------------------------------
 
 
