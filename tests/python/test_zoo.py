@@ -241,15 +241,25 @@ def test_weights_are_bounded_if_they_stop_growing(
     assert criteria.weights_bounded(material(judged([1.0])))[0] is held
 
 
-def test_a_fixed_time_must_be_one_with_the_force_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fixed_time_is_judged_with_and_without_the_force_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     def times(scenario: fg.Scenario) -> dict[float, float | None]:
         free = scenario.controller.force_limit == math.inf
         return dict(zip(extra.STARTS, (1.0, 1.1, 1.2, 1.2 if free else 4.0), strict=True))
 
     monkeypatch.setattr(extra, "convergence_times", times)
-    held, words = criteria.fixed_time(material(judged([1.0])))
+    m = material(judged([1.0]))
+    held, words = criteria.fixed_time(m)
     assert not held
-    assert "with |u| <= 1000 1.00, 1.10, 1.20, 4.00; without a limit 1.00, 1.10, 1.20, 1.20" in words
+    assert "with |u| <= 1000 1.00, 1.10, 1.20, 4.00" in words
+    held, words = criteria.fixed_time_free(m)
+    assert held
+    assert "without a limit 1.00, 1.10, 1.20, 1.20" in words
+
+
+def test_the_kind_with_a_fixed_time_needs_an_unlimited_force() -> None:
+    m = Material(entries()["2012_fixed_time"], "fixed_time", *[material(judged([1.0])).noisy] * 2, {})
+    assert not criteria.fixed_time(m)[0]
+    assert criteria.fixed_time_free(m)[0]
 
 
 def test_a_bound_is_kept_only_without_a_sample_outside() -> None:

@@ -9,12 +9,13 @@ import numpy as np
 from fracgyro.scenario import Scenario
 from fracgyro.scenario.messages import ScenarioError
 from fracgyro.simulation.measure import measure_many
-from fracgyro.simulation.simulate import simulate
+from fracgyro.simulation.simulate import DivergedError, simulate
 from numpy.typing import NDArray
 
 WINDOWS = 60  # numbers of a trace
 LONG, KEPT = 1000.0, 5000  # duration of the run for drift, 1e6 steps of 1e-3, and steps between its samples
 NEAR = 0.02  # q0: |e_x| below which a run has converged
+STAYS = 1.0  # 1/omega0: time for which a converged run stays near zero, at least
 STARTS = (0.1, 1.0, 10.0, 100.0)  # e_x(0), q0
 FAR = 100.0  # 1/omega0: the longest run for a convergence
 CLOSE = 0.05  # share of the true value within which an estimate is right
@@ -24,8 +25,11 @@ LEARNED = ("weight_norm", "learned_gain", "bound_estimate", "stiffness_estimate"
 
 
 def trace(scenario: Scenario, seed: int) -> list[float | None]:
-    """The largest |e_x| in equal parts of a run; None from a divergence on."""
-    return parts(simulate(_seeded(scenario, seed))["error"].sel(axis="x").values)
+    """The largest |e_x| in equal parts of a run; empty if it diverges."""
+    try:
+        return parts(simulate(_seeded(scenario, seed))["error"].sel(axis="x").values)
+    except DivergedError:
+        return []
 
 
 def parts(errors: NDArray[np.float64]) -> list[float | None]:
@@ -37,7 +41,7 @@ def parts(errors: NDArray[np.float64]) -> list[float | None]:
 def drift(scenario: Scenario, seed: int) -> tuple[str, list[float]] | None:
     """Norm of what a law has learned at a tenth, half and all of 1e6 steps, and its channel; None if it learns nothing.
 
-    Estimates of a plant count less their first values.
+    Estimates of a plant count less their first values. Raises DivergedError.
     """
     steps = round(LONG / scenario.run.step)
     long = {"run.duration": steps * scenario.run.step, "run.record_every": min(KEPT, steps)}
@@ -55,7 +59,7 @@ def drift(scenario: Scenario, seed: int) -> tuple[str, list[float]] | None:
 def time_to(scenario: Scenario, start: float) -> float | None:
     """Time after which |e_x| stays below 0.02 q0, from e_x(0) = `start` without noise; None if it never does.
 
-    Raises ScenarioError if the start makes no scenario.
+    Raises ScenarioError if the start makes no scenario, and DivergedError.
     """
     first = simulate(scenario.replace({"run.duration": scenario.run.step}))["reference"].transpose("time", "axis")[0]
     far = scenario.replace(
@@ -70,7 +74,7 @@ def time_to(scenario: Scenario, start: float) -> float | None:
     )
     run = simulate(far)
     outside = ~(np.abs(run["error"].sel(axis="x").values) < NEAR)
-    if outside[-1]:
+    if outside[run["time"].values > FAR - STAYS].any():
         return None
     return float(run["time"][outside.nonzero()[0][-1] + 1]) if outside.any() else 0.0
 
@@ -81,7 +85,7 @@ def convergence_times(scenario: Scenario) -> dict[float, float | None]:
     for start in STARTS:
         try:
             found[start] = time_to(scenario, start)
-        except ScenarioError:
+        except (ScenarioError, DivergedError):
             found[start] = None
     return found
 
@@ -99,14 +103,18 @@ def right_estimates(scenario: Scenario, seeds: Sequence[int]) -> dict[str, float
 
 
 def largest_share(scenario: Scenario, seeds: Sequence[int]) -> list[float]:
-    """By seed: the largest |e| over its prescribed bound, of either axis and over the run.
+    """By seed: the largest |e| over its prescribed bound, of either axis and over the run; inf if it diverges.
 
     The bound is the one of the law's own course: a bound that was widened counts as left.
     """
     found = []
     law = scenario.controller
     for seed in seeds:
-        run = simulate(_seeded(scenario, seed))
+        try:
+            run = simulate(_seeded(scenario, seed))
+        except DivergedError:
+            found.append(math.inf)
+            continue
         falling = (law.bound_start - law.bound_final) * np.exp(-law.bound_rate * run["time"])
         found.append(float((np.abs(run["error"]) / (falling + law.bound_final)).max()))
     return found

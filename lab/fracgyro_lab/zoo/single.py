@@ -11,7 +11,7 @@ from fracgyro.files import whole_file, writable_folder
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.table import format_value
 from fracgyro.simulation.own_file import ControllerFile
-from fracgyro.simulation.simulate import simulate
+from fracgyro.simulation.simulate import DivergedError, simulate
 
 from ..comparison.plan import FIRST_HELD_OUT
 from ..comparison.track import CHATTERING, Track
@@ -73,7 +73,11 @@ def simulated(
             row = _measured(scenario, own)
             marks = {"plant": place, "noise, m/sqrt(Hz)": noise, "gains": "of the log" if tuned else "not tuned here"}
             rows.append({**marks, **row})
-            curves = _curves(scenario, own)
+            try:
+                curves = _curves(scenario, own)
+            except DivergedError:
+                rows[-1]["|e_x|, 1e-6 to 1"] = "diverged"
+                continue
             rows[-1]["|e_x|, 1e-6 to 1"] = blocks(parts(curves[:, 1]))
             _write(out, f"{name}_{place}_{setting}", ("t", "e_x", "e_y"), curves)
     return rows
