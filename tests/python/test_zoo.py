@@ -338,7 +338,7 @@ def test_a_trace_has_the_largest_error_of_each_part_and_blocks_show_it() -> None
     assert page.blocks([1e-3] * 60, width=4) == "▅▅▅▅"
 
 
-# -- What laws reduce to -----------------------------------------------------------------------------------------------
+# -- Laws that reduce to others ----------------------------------------------------------------------------------------
 
 
 def steady(changes: dict[str, Any]) -> np.ndarray:
