@@ -2,8 +2,10 @@
 #                  requirements.lock
 # make test        run every check and every test
 # make test-quick  run the tests that fail most often after a change, in less than a minute
+# make test-nightly     run the tests that `make test` leaves out: other cases of what it tests once, and slow ones
 # make test-machines    run every test as on other processors, with other compilers and Pythons: for a release
 # make web         build the WebAssembly module and the live page, into build/web
+# make live        open the live page in the browser
 # make lint        run the checks that need neither a compiler nor the installed module; list outdated logs
 # make cpp-test    build and run one C++ test: TEST=guard is tests/cpp/test_guard.cpp
 # make bench       regenerate all logs that docs/performance.md and others quote; takes most of a day.
@@ -28,7 +30,7 @@
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
 # make setup-octave     Octave and its MEX compiler, from Debian's packages; without them the tests of MATLAB's class
 #                  are skipped
-# make check-sanitized  test FMUs, the Python module and parallel runs under the sanitizers
+# make check-sanitized  test the core, FMUs, the Python module and parallel runs under the sanitizers
 # Partial targets: built, check, test-core, test-python, setup-test; also clean. ARGS="..." is passed to reproduce.
 
 PYTHON ?= python3
@@ -50,9 +52,9 @@ export CMAKE_CXX_COMPILER_LAUNCHER ?= $(shell command -v ccache)
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce built test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware \
-  mutants test-core test-python web bench bench-behind logs-current pages compare zoo board article docs wheel lock \
-  setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
+.PHONY: reproduce built test test-quick test-nightly test-machines lint check cpp-test check-deep check-sanitized \
+  fuzz-firmware mutants test-core test-python web live bench bench-behind logs-current pages compare zoo board article \
+  docs wheel lock setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 
@@ -109,6 +111,9 @@ test-core: build/tests-optimized/built build/tests-sanitized/built
 test-python: .venv/installed-test
 	$(PYTEST)
 
+test-nightly: .venv/installed-test
+	$(PYTEST) -m nightly
+
 # Quickly compiled, and without copies for processors.
 cpp-test: .venv/tools setup-test
 	$(BIN)/cmake --preset dev $(NINJA) >/dev/null
@@ -117,6 +122,9 @@ cpp-test: .venv/tools setup-test
 
 web: .venv/installed-export
 	$(BIN)/python -m fracgyro.export.live build/web
+
+live: .venv/installed-export
+	$(BIN)/fracgyro live paper
 
 bench: .venv/installed-bench .venv/installed-export .venv/installed-mutants
 	$(BIN)/python benchmarks/bench.py $(ARGS)
@@ -194,7 +202,8 @@ fuzz-firmware: .venv/installed-test
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
 	  found corpus
 
-# The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
+# The C++ tests, the Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under
+# ThreadSanitizer.
 # This module takes precedence over the editable one, because -S skips the site packages that point to it.
 SANITIZERS := address,undefined,float-cast-overflow
 SANITIZED := build/sanitized
@@ -202,7 +211,8 @@ SANITIZED_SECONDS := 20
 UNDER_SANITIZERS = ASAN_OPTIONS=detect_leaks=0 \
   LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
   PYTHONPATH=$(SANITIZED)/python:$$($(BIN)/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")
-check-sanitized: .venv/installed-test $(SANITIZED)/built build/tests-threads/built
+check-sanitized: .venv/installed-test $(SANITIZED)/built build/tests-deep/built build/tests-threads/built
+	$(CTEST)/tests-deep
 	$(BIN)/ctest --test-dir build/tests-threads --tests-regex batch --output-on-failure
 	$(UNDER_SANITIZERS) $(BIN)/python -S -m pytest -p no:cacheprovider tests/python/test_state.py -k "not no_bytes"
 	$(UNDER_SANITIZERS) $(BIN)/python -S tests/fuzz/fuzz_states.py --face python --seconds $(SANITIZED_SECONDS)
@@ -313,10 +323,10 @@ OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# The C++ tests under the sanitizers, and the tests of numbers and lanes also as shipped. Warnings are shown; in
-# .ci/run they are errors.
-build/tests-optimized/built: OPTIONS := -DFRACGYRO_TESTS_OPTIMIZED=ON
-build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
+# The C++ tests, and those that compile quickly also under the sanitizers; build/tests-deep: all under the sanitizers.
+# Warnings are shown; in .ci/run they are errors.
+build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero -DFRACGYRO_TESTS_QUICK=ON
+build/tests-deep/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch
 build/tests-%/built: $(CPP) CMakeLists.txt tests/cpp/CMakeLists.txt | .venv/tools setup-test

@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-from sources import ELSEWHERE, ROOT, WITHOUT_LOG, behind, scripts
+from sources import ELSEWHERE, PARTS, ROOT, WITHOUT_LOG, behind, scripts
 
 
 def name_of(log: str) -> str:
@@ -35,7 +35,7 @@ def main() -> int:
         if name not in late:
             continue
         script = by_name[name]
-        part = [name] if list(by_name.values()).count(script) > 1 else []
+        part = [PARTS.get(name, name)] if list(by_name.values()).count(script) > 1 else []
         words = " ".join(["python", str(script.relative_to(ROOT)), *part])
         print(f"== {words}", flush=True)
         begin = time.perf_counter()

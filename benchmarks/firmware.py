@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import fracgyro as fg
 import numpy as np
@@ -32,8 +32,11 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / log_of("firmware")
 SEEDS = 10
 PAPER = fg.Scenario.paper()
-LINEAR_JOINT = {"controller.kind": "linear", "adaptation.kind": "joint"}
-SCENARIOS = {
+LINEAR_JOINT: dict[str, Any] = {"controller.kind": "linear", "adaptation.kind": "joint"}
+NOISY: dict[str, Any] = {"device.position_noise_density": 1e-13}
+INTERNAL_MODEL = NOISY | {"controller.kind": "internal_model"}
+FILTERED_PID = NOISY | {"controller.kind": "pid", "controller.filter": "kalman"}
+SCENARIOS: dict[str, dict[str, Any]] = {
     "paper, c = 0.6": {"controller.terminal_exponent": 0.6},
     "paper": {},
     "16 exponentials, c = 0.6": {"controller.terminal_exponent": 0.6, "run.kernel_tolerance": 5e-5},
@@ -64,6 +67,11 @@ SCENARIOS = {
     "linear, joint, positions, divided by 8": LINEAR_JOINT
     | {"device.sensing": "position", "adaptation.covariance_steps": 8},
     "linear, joint, velocities too": LINEAR_JOINT,
+    "internal model, positions": INTERNAL_MODEL | {"device.sensing": "position"},
+    "internal model, velocities too": INTERNAL_MODEL,
+    "internal model, velocities too, force limit": INTERNAL_MODEL | {"controller.force_limit": 6000.0},
+    "PID, Kalman filter, positions": FILTERED_PID | {"device.sensing": "position"},
+    "PID, Kalman filter, velocities too": FILTERED_PID,
 }
 ROWS: list[tuple[str, Number]] = [(name, number) for name in SCENARIOS for number in get_args(Number)]
 CHECKED: list[tuple[str, Number]] = [
@@ -75,9 +83,10 @@ CHECKED: list[tuple[str, Number]] = [
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
 
 # Cycles per instruction, min and max, and cycles per division or square root. A step has nine of these, with composite
-# adaptation 18 more, with joint adaptation 40 more, or 66 if velocities are measured.
+# adaptation 18 more, with joint adaptation 40 more, or 66 if velocities are measured; an internal model has two.
 CYCLES = {"Cortex-M4F": (1.0, 1.5), "Cortex-M7": (0.65, 1.1)}
-ROOTS, ROOTS_OF, CYCLES_PER_ROOT = 9, {"composite": 27, "joint, positions": 49, "joint, velocities": 75}, 14
+ROOTS, CYCLES_PER_ROOT = 9, 14
+ROOTS_OF = {"composite": 27, "joint, positions": 49, "joint, velocities": 75, "internal": 2, "PID": 0}
 CLOCKS = {"168 MHz M4F": ("Cortex-M4F", 168), "480 MHz M7": ("Cortex-M7", 480), "1 GHz M7": ("Cortex-M7", 1000)}
 
 HEAD = """\

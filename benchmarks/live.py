@@ -1,19 +1,21 @@
 """The live page: bytes, and frames while it plays; writes benchmarks/results/live.md. `--pictures DIR`: every preset.
 
-`--readme` draws only docs/live.png.
+`--readme` draws only docs/live.png and docs/live_own.png. `--minute DIR`: pictures of a visitor's minute, and an
+animation of them.
 """
 
 from __future__ import annotations
 
 import argparse
 import gzip
+import math
 import statistics
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,10 @@ DEPENDS_ON = ["integrations/web/**/*"]
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs/live.png"
+OWN_PICTURE = ROOT / "docs/live_own.png"
 ENDS = ("#plots", ".plot.timed")  # from the one to the other
+CLOCK = "document.getElementById('clock').textContent"
+LOOK = 1500  # ms from one picture of the visitor's minute to the next
 SECONDS = 6
 SPEED = 40  # units of time a second
 FRAMES = f"""
@@ -50,6 +55,8 @@ SETTINGS = {
     "80 units shown": "&window=80",
     "two runs with the Kalman filter, from noisy positions": "&a=joint&b=lqg&sensors=positions",
     "one run": "&b=none",
+    "the example of a function in the page as B": "&b=yours",
+    "a drawn figure": "&figure=1+1,-1+1,-1+-1,1+-1",
 }
 
 
@@ -57,6 +64,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--readme", action="store_true")
+    parser.add_argument("--minute", type=Path, metavar="DIR")
     options = parser.parse_args()
     sys.path.insert(0, str(ROOT / "tests/python"))
     from browser import chromium, served
@@ -70,6 +78,9 @@ def main() -> None:
                 draw_presets(browser, address, options.pictures)
             elif options.readme:
                 draw(browser, address, PICTURE)
+                draw_own(browser, address, OWN_PICTURE)
+            elif options.minute:
+                draw_minute(browser, address, options.minute)
             else:
                 log(browser, address, folder)
 
@@ -145,17 +156,88 @@ def draw_presets(browser: Any, address: str, folder: Path) -> None:
 
 def draw(browser: Any, address: str, path: Path) -> None:
     """The first preset, with the rate reversed after 5 units of time."""
-    clock = "document.getElementById('clock').textContent"
     with opened(browser, address, "#follow&speed=20", viewport={"width": 1100, "height": 1000}) as page:
         for until, act in ((5, "#rate-reverse"), (16, "#play")):
-            page.wait_for_function(f"parseFloat({clock}.slice(4)) >= {until}")
+            page.wait_for_function(f"parseFloat({CLOCK}.slice(4)) >= {until}")
             page.click(act)
-        page.wait_for_function(f"{clock}.includes('paused')")
+        page.wait_for_function(f"{CLOCK}.includes('paused')")
         page.mouse.move(0, 0)
         page.wait_for_timeout(200)
         top, bottom = (page.evaluate(f"document.querySelector('{of}').getBoundingClientRect().top") for of in ENDS)
         shot = page.screenshot(clip={"x": 0, "y": top - 8, "width": 1100, "height": bottom - top})
+    save(shot, path)
+
+
+def draw_own(browser: Any, address: str, path: Path) -> None:
+    """A function of one's own on a drawn heart, from the gyroscope to the last line."""
+    with opened(browser, address, "#draw&b=yours&speed=20", viewport={"width": 1100, "height": 1700}) as page:
+        page.get_by_text("Draw the motion", exact=True).last.click()
+        page.wait_for_function(f"parseFloat({CLOCK}.slice(4)) >= 22")
+        page.click("#play")
+        page.wait_for_function(f"{CLOCK}.includes('paused')")
+        page.mouse.move(0, 0)
+        page.wait_for_timeout(200)
+        top, bottom = (
+            page.evaluate(f"document.querySelector('{of}').getBoundingClientRect().{side}")
+            for of, side in (("#stage", "top"), ("#editor", "bottom"))
+        )
+        shot = page.screenshot(clip={"x": 0, "y": top - 8, "width": 1100, "height": bottom - top + 16})
+    save(shot, path)
+
+
+def save(shot: bytes, path: Path) -> None:
     Image.open(BytesIO(shot)).convert("RGB").quantize(48).save(path, optimize=True)
+
+
+def draw_minute(browser: Any, address: str, folder: Path) -> None:
+    """Looks, turns, draws, writes a function, mistypes it and repairs it, looks at the spectrum."""
+    folder.mkdir(parents=True, exist_ok=True)
+    numbers = count()
+    shots: list[Image.Image] = []
+
+    def look(page: Any, times: int) -> None:
+        for _ in range(times):
+            page.wait_for_timeout(LOOK)
+            shot = page.screenshot()
+            (folder / f"{next(numbers):02}.png").write_bytes(shot)
+            shots.append(Image.open(BytesIO(shot)).convert("RGB"))
+
+    with opened(browser, address, "", viewport={"width": 1100, "height": 900}) as page:
+        look(page, 5)
+        page.fill("#rate", "-200")
+        look(page, 4)
+        page.click('a[href="#draw"]')
+        page.get_by_text("Draw the motion", exact=True).last.click()
+        page.evaluate("document.getElementById('sketch').scrollIntoView({ block: 'end' })")
+        box = page.locator("#sketch").bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        for i in range(61):
+            angle = math.pi * i / 30.5
+            radius = 60 + 20 * math.cos(3 * angle)
+            page.mouse.move(x + radius * math.cos(angle), y - radius * math.sin(angle))
+            if i == 0:
+                page.mouse.down()
+            elif i == 40:
+                look(page, 1)
+        page.mouse.up()
+        look(page, 1)
+        page.evaluate("scrollTo(0, 0)")
+        look(page, 4)
+        page.click('a[href="#your-own"]')
+        look(page, 4)
+        example = page.input_value("#code")
+        for text in (example.replace("0.1 *", "0.01 *"), example.replace("s.velocity", "s.speed"), example):
+            page.fill("#code", text)
+            look(page, 1)
+            page.focus("#code")
+            page.keyboard.press("Control+Enter")
+            look(page, 2)
+            page.evaluate("scrollTo(0, 0)")
+            look(page, 3)
+        page.select_option("#plot", "spectrum")
+        look(page, 4)
+    first, *rest = shots
+    first.save(folder / "minute.webp", save_all=True, append_images=rest, duration=LOOK // 2, quality=60)
 
 
 if __name__ == "__main__":

@@ -739,7 +739,7 @@ CHOICES = (
     ("the angular rate as well, or a motion at resonance", "lqg", "lqg", ""),
     ("a delay that is known exactly", "internal_model_exact_delay", "internal_model", ""),
     ("any reference, a small processor", "pid_kalman", "pid", ", filter"),
-    ("the same with adaptation", "linear_kalman", "linear", ", filter"),
+    ("any reference, with adaptation, the delay known", "linear_kalman", "linear", ", filter"),
     ("no noise densities", "resonant", "resonant", ""),
     ("the paper's law, as well as it can be tuned", "paper_kalman", "fractional_fast_terminal", ", filter"),
 )
@@ -808,8 +808,21 @@ def sensing_task() -> Rows:
         )
         cells = [found.get(column, "not yet").split()[0] if column in found else "not yet" for column in columns]
         plain = [digits(each.replace("e−", "e-"), 3) for each in cells]
-        rows.append([f"`{name}`", *(thousands(number(x)).replace("-", "−") if abs_of(x) >= 1e3 else x for x in plain)])
+        mark = "\\*" if "not converged" in found["remarks"] else ""
+        shown = [thousands(number(x)).replace("-", "−") if abs_of(x) >= 1e3 else x for x in plain]
+        rows.append([f"`{name}`", shown[0] + mark, *shown[1:]])
     return [*rows, ["all others, `paper` among them", "no gains found", *[""] * (len(columns) - 1)]]
+
+
+def hidden_step() -> str:
+    """Noise of `lqg` with a hidden step of delay, over that without, with velocities measured."""
+    place = {"section": "class F, 1e-13 m/√Hz", ERROR: "lqg"}
+    return cell("compare_rate", CONDITIONS[1], **place)
+
+
+def stiffer(name: str) -> float:
+    """Noise at rest over that without the change, if the stiffness is 5 % larger."""
+    return number(cell("compare_rate", "K +5 %", **{"section": SENSED, ERROR: name}))
 
 
 def abs_of(text: str) -> float:
@@ -826,8 +839,12 @@ BOTH, ONLY = "positions and velocities", "positions only"
 
 COMPARE: dict[str, Callable[[], str]] = {
     "surfaces": surfaces,
+    "unstated": lambda: f"{100 * (max(map(number, changed('internal_model', CONDITIONS[1]))) - 1):.0f}",
+    "rate.lqg.hidden": lambda: f"{number(hidden_step()):.0f}",
     **extremes("resonance", partial(at_resonance, LEARN_THE_PLANT), short),
     "resonance.next": lambda: short(min(at_resonance(LEARN_THE_PLANT, others=True))),
+    "rate.park.stiff": lambda: thousands(float(f"{stiffer('park_horowitz'):.2g}")),
+    "rate.lqg.stiff": lambda: short(stiffer("lqg")),
     "rate.lqg_over": lambda: cell(
         "compare_rate", "over force rebalance's (95 %)", section=SENSED, contender="lqg"
     ).split()[0],
@@ -944,4 +961,23 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "cycles": cycles,
     "routed": routed,
 }
-NUMBERS: dict[str, Callable[[], str]] = {**RATE_SENSOR, **FIRMWARE, **PAPER, **OVERVIEW, **COMPARE, **FPGA, **ZOO}
+# -- README.md ---------------------------------------------------------------------------------------------------------
+
+INSTALL: dict[str, Callable[[], str]] = {
+    "install.light": lambda: said("stopwatch", r"Without extras: \d+ distributions, (\d+) MB"),
+    "install.report": lambda: said("stopwatch", r"With `report`: \d+ distributions, (\d+) MB"),
+    "install.picture": lambda: said("stopwatch", r"First picture: after \d+ s, processor time (\d+) s"),
+    "install.all": lambda: thousands(number(logs.row("install", extra="all")["MB"])),
+    "install.processor": lambda: said("install", r"takes (\d+) s of processor time"),
+    "install.seconds": lambda: said("install", r"processes, (\d+) s on this machine"),
+}
+NUMBERS: dict[str, Callable[[], str]] = {
+    **INSTALL,
+    **RATE_SENSOR,
+    **FIRMWARE,
+    **PAPER,
+    **OVERVIEW,
+    **COMPARE,
+    **FPGA,
+    **ZOO,
+}

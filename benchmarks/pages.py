@@ -19,8 +19,13 @@ import page_numbers as numbers
 from machine import COLUMNS, wrapped
 from sources import ROOT
 
-PAGES = ("README.md", *(f"docs/{name}.md" for name in ("compare", "firmware", "fpga", "paper", "performance")))
-PAGES += ("docs/limit.md", "docs/rate_sensor.md", "docs/references.md", "docs/zoo.md")
+PAGES = (
+    "README.md",
+    "paper.md",
+    *(f"docs/{name}.md" for name in ("compare", "firmware", "fpga", "paper", "performance")),
+)
+PAGES += ("docs/limit.md", "docs/rate_sensor.md", "docs/references.md", "docs/site/index.md", "docs/site/install.md")
+PAGES += ("docs/zoo.md",)
 NUMBER = re.compile(r"([^\s|()\[\]<>*]+)<!--([\w.]+)-->")
 TABLE = re.compile(r"(<!-- table: ([\w.]+) -->\n\|.*\|\n\|[-|: ]+\|\n)((?:\|.*\|\n)*)")
 

@@ -48,8 +48,10 @@ WRITERS = {
 PACKAGES = {"fracgyro": "python", "fracgyro_fpga": "fpga", "fracgyro_lab": "lab"}  # and the folders that they are in
 SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
+PARTS = {"compare_track": "track", "compare_rate": "rate"}  # logs that their script knows by another word
 WITHOUT_LOG = {
     "experiments_page": "runs the examples of docs/experiments.md, which a test compares",
+    "front_picture": "draws docs/compare.svg, which a test compares",
     "readme_picture": "draws docs/run.svg, which a test compares",
     "record_pictures": "makes examples/records, whose figures a test compares, and their pictures",
 }
@@ -134,6 +136,18 @@ def _resolved(module: str, name: str | None, near: Path) -> str:
     return module
 
 
+def _first(node: ast.expr) -> str:
+    """The name that an expression begins with, which costs less than its whole text; empty if there is none."""
+    while not isinstance(node, ast.Name):
+        if isinstance(node, ast.Call):
+            node = node.func
+        elif isinstance(node, ast.Attribute | ast.Subscript):
+            node = node.value
+        else:
+            return ""
+    return node.id
+
+
 @cache
 def _used(path: Path, module: str, near: Path) -> frozenset[str]:
     """Modules that a file uses: its imports, and for a package the modules of the imported names."""
@@ -145,7 +159,7 @@ def _used(path: Path, module: str, near: Path) -> frozenset[str]:
         else:
             used.add(found)
     for node in ast.walk(tree):
-        names = ast.unparse(node).split(".") if isinstance(node, ast.Attribute) else []
+        names = ast.unparse(node).split(".") if isinstance(node, ast.Attribute) and _first(node) in packages else []
         if names and names[0] in packages:
             at = packages[names[0]]
             for name in names[1:]:
@@ -280,7 +294,8 @@ def stamp(script: Path, arguments: Sequence[str] = (), log: str = "") -> str:
     """The last line of a log: its sources, the commit they are from, and arguments, with which it is not the log."""
     commit = _git("rev-parse", "--short=10", "HEAD") or "none"
     changed = _git("status", "--porcelain", "--", *map(str, sources(script, log)))
-    partial = f" Made with `{shlex.join(arguments)}`." if arguments and list(arguments) != [Path(log).stem] else ""
+    whole = [[], [Path(log).stem], [PARTS.get(Path(log).stem, "")]]
+    partial = "" if list(arguments) in whole else f" Made with `{shlex.join(arguments)}`."
     return f"Sources `{digest(script, log)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import fracgyro as fg
+import sweep_scaling
 from fracgyro import _core
 from fracgyro.scenario.patched import Patch
 from fracgyro.scenario.to_core import core_setup
@@ -25,17 +26,6 @@ DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py", "python/frac
 BASE = fg.Scenario.paper().replace({"run.duration": 1.0})
 SWEEP = "a sweep, planned and run"
 FIELDS = ["adaptation.rate_gain", "adaptation.stiffness_gain"]
-STUDY = """[fixed]
-run.duration = 1.0
-[metrics]
-transient = 0.5
-[design]
-kind = "random"
-points = {points}
-[vary]
-adaptation.rate_gain = {{ low = 50.0, high = 300.0 }}
-adaptation.stiffness_gain = {{ low = 50.0, high = 300.0 }}
-"""
 
 
 def values(count: int) -> list[tuple[float, float]]:
@@ -62,7 +52,7 @@ def swept(count: int) -> tuple[float, float]:
     marks: list[tuple[float, float]] = []
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.toml"
-        study.write_text(STUDY.format(points=count), encoding="utf-8")
+        study.write_text(sweep_scaling.study(count, 1, 1000), encoding="utf-8")
         begin = time.perf_counter(), time.process_time()
         fg.study.sweep(
             study,

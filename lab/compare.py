@@ -133,16 +133,16 @@ def rounded(value: Any) -> Any:
 def shortened(row: Row, metrics: Sequence[str]) -> Row:
     """Without what no table shows."""
     shown = {name: value for name, value in row["metrics"].items() if name in metrics}
-    others = {
-        name: {key: found[key] for key in ("value", "lost", "chattering")} for name, found in row["others"].items()
-    }
+    others = {name: {key: found[key] for key in ("value", "lost")} for name, found in row["others"].items()}
     return {**row, "metrics": shown, "others": others}
 
 
 def thinned(front: list[list[float]]) -> list[list[float]]:
     """Points of a front whose error is some percent below that of the point before, and its ends."""
-    kept = front[:1]
-    kept += [point for i, point in enumerate(front[1:], 1) if point[1] < STEP * kept[-1][1] or i == len(front) - 1]
+    kept: list[list[float]] = []
+    for point in front:
+        if not kept or point is front[-1] or point[1] < STEP * kept[-1][1]:
+            kept.append(point)
     return kept
 
 
@@ -167,11 +167,11 @@ def log_of(name: str, result: Compared, quick: bool) -> list[str]:
     lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
     named = result.rows[0]["scenario"]
     for words, rows in tables_of(result.rows, with_ceiling=False, unnamed=named) if result.limits else []:
-        lines += [f"### the front: {words}", "", *front(rows, result.limits), ""]
+        lines += [f"## The front: {words}", "", *front(rows, result.limits), ""]
     for limit in result.limits:
         lines += [f"No limit: {limit['scenario']}, class {limit['class']}: {limit['why']}", ""] if limit["why"] else []
     for words, rows in tables_of(result.rows, with_ceiling=True, unnamed=named):
-        lines += [f"### {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
+        lines += [f"## {words}", "", *lines_of(task, rows, result.limits), "", *others(rows), ""]
     return lines[:-1]
 
 

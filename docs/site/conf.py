@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from importlib.metadata import version as version_of
 from pathlib import Path
 
 import click
 from fracgyro.cli import cli
+from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
@@ -76,6 +78,19 @@ def load(group: click.Group) -> None:
 
 
 load(cli)
+
+EXAMPLES = tomllib.loads((HERE / "examples.toml").read_text(encoding="utf-8"))
+
+
+def with_examples(app: Sphinx, context: click.Context, lines: list[str]) -> None:
+    """Adds the examples of a command to its description."""
+    shown = EXAMPLES.get(context.command_path.partition(" ")[2], [])
+    lines += [".. code-block:: sh", "", *(f"   {each}" for each in shown), ""] if shown else []
+
+
+def setup(app: Sphinx) -> None:
+    app.connect("sphinx-click-process-description", with_examples)
+
 
 html_theme = "furo"
 html_title = f"fracgyro {version}"

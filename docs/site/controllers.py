@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -161,12 +160,9 @@ def page(kind: str) -> tuple[str, dict[str, str]]:
     name, scenario, changes = SETUPS[place]
     lines = [f"# {comment.name}", "", f"{comment.what} {comment.use}", ""]
     drawn = {}
-    for scheme, panels in groupby(pictures(run, comment.name), lambda each: each[0]):
-        lines.append(f"::::{{container}} only-{scheme}")
-        for i, (_, shown, text) in enumerate(panels):
-            drawn[f"controller-{kind}-{scheme}-{i}.svg"] = text
-            lines += [f":::{{image}} /pictures/controller-{kind}-{scheme}-{i}.svg", f":alt: {shown} over time", ":::"]
-        lines.append("::::")
+    for i, (shown, text) in enumerate(pictures(run, comment.name)):
+        drawn[f"controller-{kind}-{i}.svg"] = text
+        lines.append(f"![{shown} over time](/pictures/controller-{kind}-{i}.svg)")
     lines += ["", f"A run of {scenario}, with its gains." + (f" {NOT_FOLLOWED}" if place else ""), ""]
     lines += ["## Use it", "", "```sh", *_commands(kind, name, changes), "```", ""]
     lines += ["## The law", "", *(line for each in comment.law for line in (each, "")), comment.source, ""]

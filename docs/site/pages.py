@@ -15,6 +15,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import controllers
+import illustrations
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.export.web import settings_types
 from fracgyro.scenario import Scenario
@@ -53,6 +54,7 @@ PAGES = {
     "how-to/fpga": "docs/fpga.md",
     "how-to/fpga-folder": "fpga/fracgyro_fpga/verilog/README.md",
     "how-to/tuned-gains": "examples/tuning/README.md",
+    "how-to/notebooks": "examples/notebooks/README.md",
     "understand/equations": "EQUATIONS.md",
     "understand/paper": "docs/paper.md",
     "understand/errata": "docs/errata.md",
@@ -72,9 +74,19 @@ PAGES = {
 }
 LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for developers
 PICTURES = {".svg", ".png"}
+CODE = {".hpp"}  # a link to a name in such a file leads to its line
 # Listed on a page, but not in the sidebar of every page, which would take a third of the build time.
 LISTED = {"decisions", "measured"}
 ORPHAN = "---\norphan: true\n---\n\n"
+
+
+def line_of(path: Path, name: str) -> int:
+    """Line on which a C++ header defines this name first. Raises ValueError if it does not."""
+    defining = re.compile(rf"^ *(template|static|constexpr|inline|struct)\b.*\b{name}\b[(\s]")
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if defining.match(line):
+            return number
+    raise ValueError(f"{path.name} does not define {name}")
 
 
 def pages() -> dict[str, Path]:
@@ -103,6 +115,9 @@ class Gathered:
             folder, _, page = name.rpartition("/")
             text = "\n".join(self.linked(path.read_text(encoding="utf-8"), path, name))
             text = text.replace(controllers.MARK, controllers.overview())
+            for picture in set(illustrations.MARK.findall(text)):
+                self.put(f"pictures/site-{picture}.svg", illustrations.drawn(picture))
+            text = illustrations.MARK.sub(lambda found: illustrations.markdown(found[1]), text)
             if folder in LISTED:
                 text = "\n".join([text, "", *self.listed(folder)]) if page == "index" else f"{ORPHAN}{text}"
             self.put(f"{name}.md", text)
@@ -171,6 +186,8 @@ class Gathered:
                 shutil.copyfile(found, copied)
             self.written.add(copied)
             return f"/pictures/{found.name}"
+        if anchor and found.suffix in CODE:
+            anchor = f"L{line_of(found, anchor)}"
         kind = "tree" if found.is_dir() else "blob"
         return f"{REPOSITORY}/{kind}/main/{found.relative_to(ROOT).as_posix()}{hash_sign}{anchor}"
 

@@ -28,8 +28,8 @@ SETUPS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
 )
 FOLLOWED = 0.1  # RMS error over the reference's, in the second half
 POINTS = 200  # points of a curve
-# Letters and frames, x, y; on the page's own background. The second pair is from the same palette, for dark pages.
-SCHEMES = {"light": ("#222222", *COLORS), "dark": ("#dddddd", "#56B4E9", "#E69F00")}
+# Letters and frames, x, y; on the page's own background, whose style inverts pictures on dark pages.
+PALETTE = ("#222222", *COLORS)
 SIZE = 3.7, 2.4  # inches: two next to each other, or one on a telephone
 Values = NDArray[np.float64]
 
@@ -57,23 +57,26 @@ def closed_loop(kind: str) -> tuple[int, xr.Dataset]:
     return place, run
 
 
-def pictures(run: xr.Dataset, title: str) -> Iterator[tuple[str, str, str]]:
-    """(light or dark, what it shows, SVG): the tracking error, and the rate estimate or else the control force."""
+def pictures(run: xr.Dataset, title: str) -> Iterator[tuple[str, str]]:
+    """(subject, SVG): the tracking error, and the rate estimate or else the control force."""
     second = ("the rate estimate", _draw_rate) if "rate_estimate" in run else ("the control force", _draw_force)
-    for scheme, colors in SCHEMES.items():
-        keys = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
-        with own_style({**LETTERS, "svg.hashsalt": "fracgyro", "font.size": 8, **dict.fromkeys(keys, colors[0])}):
-            for shown, draw in (("the tracking error", _draw_error), second):
-                figure = Figure(figsize=SIZE, layout="constrained")
-                figure.patch.set_alpha(0.0)
-                panel = figure.subplots()
-                panel.set_facecolor("none")
-                panel.set_xlabel("time (ms)")
-                panel.grid(True, linewidth=0.3, alpha=0.5)
-                draw(panel, run, colors)
-                panel.legend(loc="upper right", frameon=False)
-                drawn = svg(figure, f"{title}: {shown} over time")
-                yield scheme, shown, re.sub(r"(\d\.\d)\d+", r"\1", drawn)  # tenths of a point
+    keys = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+    with own_style({**LETTERS, "svg.hashsalt": "fracgyro", "font.size": 8, **dict.fromkeys(keys, PALETTE[0])}):
+        for shown, draw in (("the tracking error", _draw_error), second):
+            figure = Figure(figsize=SIZE, layout="constrained")
+            figure.patch.set_alpha(0.0)
+            panel = figure.subplots()
+            panel.set_facecolor("none")
+            panel.set_xlabel("time (ms)")
+            panel.grid(True, linewidth=0.3, alpha=0.5)
+            draw(panel, run, PALETTE)
+            panel.legend(loc="upper right", frameon=False)
+            yield shown, tenths(svg(figure, f"{title}: {shown} over time"))
+
+
+def tenths(drawn: str) -> str:
+    """The SVG with coordinates in tenths of a point; the digits of its words stay."""
+    return re.sub(r'"[^"]*"', lambda found: re.sub(r"(\d\.\d)\d+", r"\1", found[0]), drawn)
 
 
 def _bins(values: Values) -> Values:

@@ -41,7 +41,7 @@ def fpga(
     and `unbounded` does not say that it need not.
 
     >>> from fracgyro_fpga import fpga
-    >>> fpga(fg.Scenario.shipped("hardware"), "hardware")
+    >>> fpga(fg.Scenario.shipped("hardware").replace({"controller.kind": "pid"}), "hardware")
     """
     check_bounded(scenario, unbounded)
     require("export", "jinja2")

@@ -30,6 +30,7 @@ from fracgyro_fpga.graph import CPP, Graph, members, trace
 from fracgyro_fpga.interpreter import Interpreter
 from fracgyro_fpga.microcode import Microcode
 from fracgyro_fpga.proof import check
+from nightly import nightly_unless
 from shared import compile_once, shared
 
 HERE = Path(__file__).resolve().parent
@@ -114,7 +115,13 @@ def of_the_core(scenario: fg.Scenario, number: HardwareNumber, motion: np.ndarra
 
 
 @pytest.mark.parametrize(
-    ("name", "number"), [*((name, "float") for name in SCENARIOS), ("samples checked, forces limited", "fixed")]
+    ("name", "number"),
+    nightly_unless(
+        lambda name, number: (
+            number == "fixed" or name in {"the paper's", "composite", "super-twisting, positions only"}
+        ),
+        [*((name, "float") for name in SCENARIOS), ("samples checked, forces limited", "fixed")],
+    ),
 )
 def test_the_graph_computes_what_the_core_computes(name: str, number: HardwareNumber, tmp_path: Path) -> None:
     scenario = SHORT.replace(SCENARIOS[name])
@@ -154,6 +161,7 @@ def test_the_core_with_a_fixed_point_has_its_published_hash() -> None:
     assert f"## fixed: `{IN_FIXED}`" in log
 
 
+@pytest.mark.nightly
 def test_a_power_is_refused_in_one_sentence_where_the_point_is_fixed() -> None:
     with pytest.raises(
         ValueError,
@@ -239,7 +247,7 @@ def test_every_unit_with_a_fixed_point_computes_the_bits_of_the_core(tmp_path: P
         assert int(ends) > 1000 or name in ("square root", "less")
 
 
-@pytest.mark.parametrize("number", ["float", "fixed"])
+@pytest.mark.parametrize("number", nightly_unless(lambda number: number == "float", ["float", "fixed"]))
 def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_core(
     number: HardwareNumber, guarded: Callable[[HardwareNumber], Path], tmp_path: Path
 ) -> None:
@@ -255,7 +263,7 @@ def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_core(
     assert [what for what, *_ in cycles] == ["force", "ready"]
 
 
-@pytest.mark.parametrize("number", ["float", "fixed"])
+@pytest.mark.parametrize("number", nightly_unless(lambda number: number == "fixed", ["float", "fixed"]))
 def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
     number: HardwareNumber, tmp_path: Path
 ) -> None:
@@ -276,7 +284,10 @@ def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
     np.testing.assert_array_equal(found.view(expected.dtype), expected)
 
 
-@pytest.mark.parametrize(("kind", "seeds"), [("force_rebalance", (1, 3, 39)), ("pid", (14, 19, 56))])
+@pytest.mark.parametrize(
+    ("kind", "seeds"),
+    nightly_unless(lambda kind, seeds: kind == "pid", [("force_rebalance", (1, 3, 39)), ("pid", (14, 19, 56))]),
+)
 def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_at_random(
     kind: str, seeds: tuple[int, ...], tmp_path: Path
 ) -> None:

@@ -14,11 +14,35 @@ export interface Fracgyro {
    * The closed loop from t = 0 to run.duration. With a scenario's own settings it equals Python's fracgyro.simulate,
    * bit for bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
    */
-  simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
+  simulate(scenario: Scenario, changes?: Partial<Settings>, options?: { law?: Law }): Promise<Run>;
   /** The closed loop in parts, tuned while it runs. Without changes its rows are those of `simulate`, bit for bit. */
-  loop(scenario: Scenario, changes?: Partial<Settings>): Promise<Loop>;
+  loop(scenario: Scenario, changes?: Partial<Settings>, options?: { law?: Law }): Promise<Loop>;
   /** The controller without a loop, for a loop of your own; in double precision unless `single`. */
   controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
+}
+
+/**
+ * A controller of your own in place of the scenario's, like a callable in Python: a function of the sample that returns
+ * the force [x, y], or an object with such a function `force`, and `report`. Whatever it throws ends the run; a force
+ * that is not two finite numbers throws LawError, a RangeError.
+ */
+export type Law = Force | { force: Force; report?: () => Record<string, number | [number, number]> };
+export type Force = (sample: Sample) => ArrayLike<number>;
+
+export class LawError extends RangeError {}
+
+/** Input of a law at one sample, nondimensional; pairs are [x, y]. */
+export interface Sample {
+  time: number;
+  /** Measured; the velocity is the observer's with device.sensing = "position". */
+  position: [number, number];
+  velocity: [number, number];
+  reference: [number, number];
+  reference_velocity: [number, number];
+  reference_acceleration: [number, number];
+  /** position - reference, and velocity - reference_velocity. */
+  error: [number, number];
+  error_rate: [number, number];
 }
 
 /** A scenario, as `fracgyro export web my.toml --out my.json` writes it. */

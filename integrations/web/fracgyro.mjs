@@ -25,6 +25,7 @@ export async function load({ wasm, data } = {}) {
 
 const LARGEST_RECORD = 2e9; // bytes
 const BUFFERED = 4096; // rows
+const INPUTS = 11; // numbers of a sample that a law is given
 // What the guard thinks of a sample, by number; 5 is a saved state refused.
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 // Numbers of the datasheet that the filter of the measured motions needs.
@@ -47,8 +48,8 @@ class Fracgyro {
   }
 
   // The closed loop from t = 0 to run.duration.
-  async simulate(scenario, changes = {}) {
-    const { settings, loop } = await this.#started(scenario, changes);
+  async simulate(scenario, changes = {}, { law } = {}) {
+    const { settings, loop } = await this.#started(scenario, changes, law);
     const { "run.step": step, "run.record_every": every } = settings;
     const samples = stepsOf(settings) + 1;
     const width = loop.columns.length;
@@ -70,8 +71,8 @@ class Fracgyro {
   }
 
   // The closed loop in parts, from t = 0 on, and beyond run.duration if asked.
-  async loop(scenario, changes = {}) {
-    const { settings, sensing, core, loop, valuesOf } = await this.#started(scenario, changes);
+  async loop(scenario, changes = {}, { law } = {}) {
+    const { settings, sensing, core, loop, valuesOf } = await this.#started(scenario, changes, law);
     const step = settings["run.step"];
     const first = { ...settings };
     // The key identifies the start of the loop; kind, sensors and exponentials are not among the values.
@@ -79,7 +80,12 @@ class Fracgyro {
     const { reference = null, device = null } = scenario;
     const started = [design.map((name) => first[name]), sensing, valuesOf(first), reference, device];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
-    const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
+    const saved = () => {
+      if (law) {
+        throw new RangeError("state cannot be saved or set: the memory of a law of your own is not in it");
+      }
+      return core.bytes(core.loop_saved(), core.loop_saved_size());
+    };
     const checked = (before, changes) => this.#checked(before, changes);
     const isFixed = (name) => this.fields[name].fixed;
     // Returns true if a running loop accepts these settings.
@@ -130,6 +136,7 @@ class Fracgyro {
         core.loop_kick(...velocity);
       },
       get state() {
+        saved(); // refuses a law
         core.loop_save();
         const content = joined(utf8(`${JSON.stringify(settings, toJson)}\n`), saved());
         return joined(key, bytesOf(checksum(content)), content);
@@ -164,7 +171,7 @@ class Fracgyro {
     core.controller_start(single);
     const number = single ? "float" : "double";
     const key = utf8(`fracgyro ${this.version} controller 2 ${core.controller_key() >>> 0} ${number}\n`);
-    const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
+    const saved = () => core.bytes(core.controller_saved(), core.controller_saved_size());
     return {
       step(position, velocity) {
         const motion = [...position, ...(observed ? [0, 0] : velocity)];
@@ -202,16 +209,29 @@ class Fracgyro {
     };
   }
 
-  // A loop, in an instance of its own, that writes rows of its columns.
-  async #started(scenario, changes) {
-    const prepared = await this.#prepare(scenario, changes);
-    const { core, settings, reported, observed } = prepared;
+  // A loop, in an instance of its own, that writes rows of its columns. `given`: a law of the caller's, or undefined.
+  async #started(scenario, changes, given) {
+    const law = given && new Law(given, this.#data);
+    const prepared = await this.#prepare(scenario, changes, law);
+    const { core, settings, observed } = prepared;
+    const reported = law ? law.columns : prepared.reported;
+    const without = { filter: "none", ...Object.fromEntries(TRIGGER.map((name) => [name, 0])) };
+    for (const [name, off] of law ? Object.entries(without) : []) {
+      const value = settings[`controller.${name}`];
+      if (value !== off) {
+        throw new RangeError(`controller.${name} is ${value}: with a law of your own it is ${off}`);
+      }
+    }
     const around = prepared.sensing.some((number) => number > 0);
     const device = observed || around || "device" in scenario;
     const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const width = columns.length;
     const buffer = core.room_for(BUFFERED * width) >>> 0;
-    core.loop_start();
+    if (law) {
+      core.loop_start_law(law.columns.length, law.columns.indexOf("rate_estimate"));
+    } else {
+      core.loop_start();
+    }
     const loop = {
       columns,
       diverged: false,
@@ -237,9 +257,12 @@ class Fracgyro {
   }
 
   // An instance of its own for each loop and each controller: whatever it holds goes with it.
-  async #prepare(scenario, changes) {
+  async #prepare(scenario, changes, law) {
     const settings = this.#checked(scenario.settings, changes);
-    const core = new Core(await WebAssembly.instantiate(this.#module));
+    const called = (input, output) => {
+      law.step(core.doubles(input, INPUTS), core.doubles(output, 2 + law.columns.length));
+    };
+    const core = new Core(await WebAssembly.instantiate(this.#module, { caller: { law: called } }));
     const steps = stepsOf(settings);
     const { device, disturbance } = scenario;
     if ((device || disturbance) && settings["run.step"] !== scenario.settings["run.step"]) {
@@ -360,13 +383,78 @@ class Fracgyro {
   }
 }
 
+// A law returns what no controller can, or is none.
+export class LawError extends RangeError {}
+
+// A law of the caller's, a function or { force, report }, as the core calls it.
+class Law {
+  #given;
+  #reports = []; // [name, whether it is a pair]
+
+  constructor(given, { loop }) {
+    this.#given = typeof given === "function" ? { force: given } : given;
+    if (typeof this.#given.force !== "function") {
+      throw new LawError("the law must be a function, or have a function force");
+    }
+    const report = this.#given.report?.() ?? {};
+    const taken = Object.keys(report).find((name) => loop.some((column) => channelOf(column) === name));
+    if (taken) {
+      throw new LawError(`report() of the law has ${taken}, which the loop itself records: choose another name`);
+    }
+    this.#reports = Object.entries(report).map(([name, value]) => [name, isPair(value)]);
+    this.columns = this.#reports.flatMap(([name, pair]) => (pair ? [`${name}.x`, `${name}.y`] : [name]));
+    this.#reported();
+  }
+
+  #reported() {
+    const report = this.#reports.length ? this.#given.report() : {};
+    return this.#reports.flatMap(([name, pair]) => {
+      const value = report?.[name];
+      if (pair ? !isPair(value) : typeof value !== "number") {
+        const wanted = pair ? "two numbers" : "a number, or two at every sample";
+        throw new LawError(`report() of the law has ${name} ${listed(value)}: it must be ${wanted}`);
+      }
+      return value;
+    });
+  }
+
+  // From the numbers of a sample, the force and the reports into `out`.
+  step([time, x, y, vx, vy, rx, ry, drx, dry, ax, ay], out) {
+    const force = this.#given.force({
+      time,
+      position: [x, y],
+      velocity: [vx, vy],
+      reference: [rx, ry],
+      reference_velocity: [drx, dry],
+      reference_acceleration: [ax, ay],
+      error: [x - rx, y - ry],
+      error_rate: [vx - drx, vy - dry],
+    });
+    if (!isPair(force) || !Array.from(force).every(Number.isFinite)) {
+      const at = Number(time.toPrecision(9));
+      throw new LawError(`the law returned ${listed(force)} at t = ${at}: it must return two finite numbers`);
+    }
+    out.set(force);
+    out.set(this.#reported(), 2);
+  }
+}
+
+const isPair = (value) =>
+  value !== null && typeof value === "object" && value.length === 2 && Array.from(value).every(isNumber);
+const isNumber = (value) => typeof value === "number";
+const listed = (value) => (value?.length >= 0 && typeof value === "object" ? `[${Array.from(value)}]` : String(value));
+
 // The exports of one instance, and views of its memory.
 class Core {
   constructor(instance) {
     Object.assign(this, instance.exports);
   }
+  // Valid until the memory grows.
   doubles(at, count) {
     return new Float64Array(this.memory.buffer, at, count);
+  }
+  bytes(at, count) {
+    return new Uint8Array(this.memory.buffer, at, count);
   }
 }
 

@@ -1,18 +1,45 @@
 // Functions that fracgyro.mjs calls: the closed loop, and a single controller. One instance of the module holds one of
-// them, in these globals and in the module's memory, which is freed with the instance. The module imports nothing.
+// them, in these globals and in the module's memory, which is freed with the instance. The module imports nothing but
+// the caller's law, which no other run calls.
 #define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // called for a vector that would be too long
 #include "fracgyro/core/kernel_design.hpp"
 #include "fracgyro/sim/guarded_controller.hpp"
 #include "fracgyro/sim/running_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
+#include "fracgyro/sim/user_law.hpp"
 
 #include <bit>
 #include <memory>
 #include <new>
 #include <vector>
 
+// From a sample, `in`, which is a UserInput, the force on x and y and the reports, to `out`. Throws instead of
+// returning a force that is not finite; then this instance cannot be used any more.
+extern "C" [[clang::import_module("caller"), clang::import_name("law")]] void callers_law(const double* in,
+                                                                                          double* out);
+
 namespace fracgyro {
 namespace {
+
+// A function of the caller's as the controller of a loop.
+class CallersLaw final : public UserLaw {
+public:
+    CallersLaw(std::size_t reports, std::ptrdiff_t rate_place)
+        : out_(2 + reports, CommonReport::nan), rate_place_(rate_place) {}
+
+    Vec2<double> force(const UserInput& in) override {
+        callers_law(&in.time, out_.data());
+        return {out_[0], out_[1]};
+    }
+    std::span<const double> report() override { return std::span<const double>(out_).subspan(2); }
+    std::ptrdiff_t rate_place() const override { return rate_place_; }
+    bool estimates_rate() const override { return rate_place_ >= 0; }
+    void refused(double, const Vec2<double>&) const override { __builtin_trap(); }
+
+private:
+    std::vector<double> out_;
+    std::ptrdiff_t rate_place_;
+};
 
 // Maximum number of settings over all kinds.
 constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I...>) {
@@ -92,6 +119,8 @@ void operator delete(void* at) noexcept {
     }
 }
 void operator delete(void* at, std::size_t) noexcept { operator delete(at); }
+// The C++ library, which is not linked, has this for abstract classes.
+extern "C" void __cxa_pure_virtual() { __builtin_trap(); }
 
 #define EXPORT extern "C" [[gnu::visibility("default")]]
 
@@ -157,6 +186,15 @@ EXPORT void loop_start() {
     loop_controller = make_controller<double>(setup.controller, setup.common);
     loop = std::make_unique<RunningLoop>(setup, *loop_controller);
     saved.resize(loop->saved_size());
+}
+// The loop at t = 0 with the caller's law. reports: count of its reported numbers; rate_place: index of the angular
+// rate among them, or -1.
+EXPORT void loop_start_law(std::size_t reports, std::ptrdiff_t rate_place) {
+    loop.reset();
+    auto law = std::make_unique<CallersLaw>(reports, rate_place);
+    law->begin({}, setup.common);
+    loop_controller = std::move(law);
+    loop = std::make_unique<RunningLoop>(setup, *loop_controller, false);
 }
 // The coming sample.
 EXPORT double loop_step() { return static_cast<double>(loop->step()); }

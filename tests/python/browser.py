@@ -44,8 +44,8 @@ class Quiet(SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[str]:
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
+def served(folder: Path, handler: type[Quiet] = Quiet) -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=str(folder)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         yield f"http://127.0.0.1:{server.server_port}/"
@@ -71,3 +71,16 @@ def violations(page: Any, impacts: Sequence[str] = ("minor", "moderate", "seriou
     found = page.evaluate("axe.run({ resultTypes: ['violations'] }).then(({ violations }) => violations)")
     chosen = (each for each in found if each["impact"] in impacts)
     return [f"{each['id']}: {node['html'][:160]}" for each in chosen for node in each["nodes"]]
+
+
+def faults_of_report(browser: Any, path: Path) -> list[str]:
+    """Serious findings of axe-core, and elements wider than the window: on a telephone and a desk, light and dark."""
+    faults = []
+    for width in (400, 1280):
+        for scheme in ("light", "dark"):
+            with browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme) as page:
+                page.goto(path.as_uri())
+                wide = page.evaluate("document.scrollingElement.scrollWidth")
+                found = violations(page, ("serious", "critical")) + ([f"{wide} wide"] if wide > width else [])
+                faults += [f"{width} {scheme}: {each}" for each in found]
+    return faults

@@ -23,10 +23,6 @@ settings.register_profile(
 settings.load_profile("same everywhere")
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "takes_a_minute: comes first")
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run tests that take a minute first, so that no worker waits for one of them at the end."""
     items.sort(key=lambda item: item.get_closest_marker("takes_a_minute") is None)

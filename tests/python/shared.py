@@ -29,3 +29,15 @@ def compile_once(factory: pytest.TempPathFactory, command: Sequence[str], run: C
     *compiling, program = command
     name = hashlib.sha256(" ".join(compiling).encode()).hexdigest()
     shutil.copy(shared(factory, name, lambda path: run([*compiling, str(path)])), program)
+
+
+def live_page(factory: pytest.TempPathFactory) -> Path:
+    """The folder of the live page of the paper's device, compiled once."""
+    from fracgyro.export.live import write_page
+    from fracgyro.export.web import build
+
+    def fill(made: Path) -> None:
+        build(made)
+        write_page(made / "live", made / "fracgyro.wasm")
+
+    return shared(factory, "live", fill) / "live"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import itertools
 import json
 import math
 import re
@@ -13,6 +15,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
+from browser import faults_of_report
 from children import run_until
 from command_server import fracgyro
 from figure_data import column, figure_data
@@ -26,6 +29,7 @@ from fracgyro_lab.comparison.contender import Contained, Contender, Gain
 from fracgyro_lab.comparison.converge import AGREED, Point, converged, search
 from fracgyro_lab.comparison.own import own_contender
 from fracgyro_lab.comparison.plan import FIRST_HELD_OUT, QUICK, planned
+from fracgyro_lab.comparison.plots import Fronts
 from fracgyro_lab.comparison.rate import Rate
 from fracgyro_lab.comparison.report import limit_row, remarks
 from fracgyro_lab.comparison.rows import Tuned, made, other, ratio, ratio_of, verdict
@@ -560,6 +564,18 @@ def test_compare_json_has_what_others_rely_on(small: Compared) -> None:
     assert {row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["ratio"]} == {1.0}
 
 
+def test_the_report_is_accessible_and_fits(browser: Any, small: Compared) -> None:
+    assert faults_of_report(browser, small.report) == []
+
+
+def test_no_two_contenders_of_the_fronts_have_one_color() -> None:
+    """With all contenders of the committed comparison, of which many are among the best of a table."""
+    path = Path(__file__).resolve().parents[2] / "benchmarks/results/compare-track.json"
+    rows = json.loads(path.read_text(encoding="utf-8"))["contenders"]
+    colors = [color for color, _ in Fronts(rows, [])._looks.values()]
+    assert len(colors) == len(set(colors)) > 8
+
+
 def test_the_numbers_behind_the_figures_are_those_of_compare_json(small: Compared) -> None:
     data = figure_data(small.report)
     assert list(data) == ["fronts", "errors", "robustness"], "the front comes first"
@@ -785,3 +801,15 @@ def test_a_scenario_whose_noise_has_no_seeds_is_refused(tmp_path: Path) -> None:
 def test_cells_have_names_of_their_own() -> None:
     assert Cell("paper", "F", 1e-13, 0.0035).name == "paper-F-1e-13-0.0035"
     assert Cell("dual_mass", "P", 0.0, 0.0).name == "dual_mass-P-0"
+
+
+def test_the_fronts_of_the_log_have_steps_of_some_percent(monkeypatch: pytest.MonkeyPatch) -> None:
+    root = Path(__file__).resolve().parents[2]
+    for folder in ("benchmarks", "lab"):
+        monkeypatch.syspath_prepend(root / folder)
+    log = importlib.import_module("compare")
+    front = [[float(i), 0.99**i] for i in range(200)]
+    kept = log.thinned(front)
+    assert (kept[0], kept[-1]) == (front[0], front[-1])
+    steps = [later[1] / point[1] for point, later in itertools.pairwise(kept[:-1])]
+    assert all(0.95 < step < log.STEP for step in steps)

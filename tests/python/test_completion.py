@@ -26,7 +26,7 @@ def values(*words: str) -> list[str]:
 
 def test_set_offers_fields_with_their_meaning() -> None:
     found = offered("simulate", "--set", "controller.la")
-    assert [item.value for item in found] == ["controller.layer_thickness=", "controller.layer="]
+    assert [item.value for item in found] == ["controller.layer_thickness=", "controller.layer=", "controller.layout="]
     assert found[0].help.startswith("delta, unit of s")
     everything = values("simulate", "--set", "")
     assert "plant.stiffness.xx=" in everything

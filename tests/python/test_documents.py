@@ -81,6 +81,8 @@ def test_every_unit_of_the_equations_is_that_of_the_scenario() -> None:
         "ω": "omega",
         "α": "alpha",
         "γ": "gamma",
+        "μ": "mu",
+        "ν": "nu",
         "ρ": "rho",
         "−": "-",
         "²": "^2",

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from fracgyro.export.settings import columns
 from fracgyro.export.targets import BOARDS, DTYPES, EMULATOR
 from fracgyro.scenario import kinds
 from fracgyro.scenario.to_core import core_setup, guard
+from nightly import nightly_unless
 from shared import shared
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -118,8 +120,12 @@ def test_another_scenario_gives_another_key(tmp_path: Path) -> None:
     assert len(keys) == 2
 
 
-@pytest.mark.parametrize("number", SCALARS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "number"),
+    nightly_unless(
+        lambda kind, number: (number == "float") == (list(KINDS).index(kind) % 2 == 0), product(KINDS, SCALARS)
+    ),
+)
 def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, number: Number, tmp_path: Path) -> None:
     scenario = PAPER.replace({**KINDS[kind], "run.duration": 0.5})
     if scenario.controller.kind in kinds.kinds_with("controller.terminal_exponent"):
@@ -370,12 +376,14 @@ def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     "scenario",
     [
-        LIMITED,
-        CHECKED,
-        CHECKED.replace(KINDS["composite"]),
-        CHECKED.replace({**KINDS["joint"], "device.sensing": "position", "device.position_noise_density": 1e-13}),
+        pytest.param(LIMITED, marks=pytest.mark.nightly, id="limited"),
+        pytest.param(CHECKED, marks=pytest.mark.nightly, id="checked"),
+        pytest.param(CHECKED.replace(KINDS["composite"]), id="composite"),
+        pytest.param(
+            CHECKED.replace({**KINDS["joint"], "device.sensing": "position", "device.position_noise_density": 1e-13}),
+            id="positions",
+        ),
     ],
-    ids=["limited", "checked", "composite", "positions"],
 )
 def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario, tmp_path: Path) -> None:
     """The corpus of the fuzzer, under the sanitizers."""
@@ -405,7 +413,10 @@ def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario,
 
 @pytest.mark.parametrize(
     ("number", "adaptation"),
-    [("float", "gradient"), ("double", "composite"), ("float", "joint"), ("double", "joint")],
+    nightly_unless(
+        lambda number, adaptation: (number, adaptation) in {("double", "composite"), ("float", "joint")},
+        [("float", "gradient"), ("double", "composite"), ("float", "joint"), ("double", "joint")],
+    ),
 )
 def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
     number: Number, adaptation: str, tmp_path: Path

@@ -24,6 +24,7 @@ from fracgyro.cli import cli
 from fracgyro.export import settings
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, Reference
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
+from nightly import nightly_unless
 from shared import shared
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
@@ -103,6 +104,8 @@ IN_BOTH = ("the paper's, whole", "in SI units", "joint adaptation of a device")
 LOOPS = [
     (name, fmi) for i, name in enumerate(SCENARIOS) for j, fmi in enumerate(VERSIONS) if name in IN_BOTH or i % 2 == j
 ]
+# Loops that `make test` compiles. The parity of every kind is also tested where it compiles faster.
+EVERY_TIME = (*IN_BOTH, "PID behind the filter", "disturbances that add up")
 
 
 @pytest.fixture(scope="session")
@@ -212,7 +215,7 @@ def test_the_description_is_valid(name: str, content: Content, fmi: Fmi, tmp_pat
     assert validate_fmu(str(tmp_path / "x.fmu")) == []
 
 
-@pytest.mark.parametrize(("name", "fmi"), LOOPS)
+@pytest.mark.parametrize(("name", "fmi"), nightly_unless(lambda name, fmi: name in EVERY_TIME, LOOPS))
 def test_the_closed_loop_has_the_bits_of_simulate(made: Callable[..., str], name: str, fmi: Fmi) -> None:
     run = fg.simulate(SCENARIOS[name])
     path = made(SCENARIOS[name], fmi)
@@ -664,7 +667,7 @@ def looked_at(made: Path, content: Content, fmi: Fmi, folder: Path) -> None:
     assert {f"fmi{fmi[0]}{name}" for name in ("DoStep", "GetVersion", "FreeInstance")} <= functions
 
 
-@pytest.mark.takes_a_minute
+@pytest.mark.nightly
 def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
     need("other systems")
     fg.export.fmu(SHORT, tmp_path / "all.fmu", content="controller", systems=list(FMI2_FOLDERS))

@@ -134,6 +134,7 @@ def test_the_errors_of_eight_records_follow_their_intervals(name: str, noise: fl
     assert 33.0 < squares < 105.0
 
 
+@pytest.mark.nightly
 def test_the_errors_of_forced_records_follow_their_intervals() -> None:
     """A held multisine in both drives, with feedthrough; simulated sample by sample."""
     device, samples, size = DUAL_MASS, 12_288, 2 * np.pi / 8.0

@@ -7,11 +7,13 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import fracgyro as fg
 import numpy as np
 import pytest
 from bench_records import DUAL_MASS, RATE
+from browser import faults_of_report
 from click.testing import CliRunner
 from fracgyro.cli.identify import identify_command
 from fracgyro.identification.bench import read_bench
@@ -327,6 +329,10 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert ran.exit_code == 0, ran.output
     assert "rate_offset" in ran.output
     return folder
+
+
+def test_the_report_is_accessible_and_fits(browser: Any, written: Path) -> None:
+    assert faults_of_report(browser, written / "out/report.html") == []
 
 
 def test_the_command_writes_scenario_numbers_and_report(written: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from bench_records import DUAL_MASS
 from fracgyro.identification.first_stage import Fitted
+from nightly import nightly_unless
 from scipy.linalg import expm
 
 SAMPLES, PER_PERIOD = 8192, 9.0
@@ -35,7 +36,7 @@ def forced(delay: float, seed: int, noise: float = 1e-3) -> fg.identify.Record:
     return fg.identify.Record(*motion, interval=DUAL_MASS.interval(PER_PERIOD), force=force)
 
 
-@pytest.mark.parametrize("delay", [0.0, 3.0, 2.4, 0.7])
+@pytest.mark.parametrize("delay", nightly_unless(lambda delay: delay != 0.7, [0.0, 3.0, 2.4, 0.7]))
 def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None:
     record = forced(delay, seed=round(10 * delay))
     found = fg.identify(record)

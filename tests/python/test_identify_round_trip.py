@@ -99,9 +99,9 @@ def test_the_errors_of_a_sensor_told_the_identified_device_are_those_predicted(n
     assert prediction is not None
     left = RATIOS[name] / found["pickoff_ratio"].value
     nominal = found.scenario()
-    told = in_pickoff_axes(name, nominal, left)
+    nearly = in_pickoff_axes(name, nominal, left)
     exact = in_pickoff_axes(name, nominal, 1.0)
-    still, turned = (late(told, rate) - late(exact, rate) for rate in (0.0, full))
+    still, turned = (late(nearly, rate) - late(exact, rate) for rate in (0.0, full))
     assert abs(math.degrees(still) * 3600) < 1.6 * prediction.bias
     assert abs(turned - still) / full * 1e6 < 1.6 * prediction.scale_factor
     untold = in_pickoff_axes(name, nominal, RATIOS[name])

@@ -112,9 +112,9 @@ def test_the_scenario_in_principal_axes_is_the_same_device(found: fg.identify.Fo
 def test_axes_are_refused_where_they_are_not_known(found: fg.identify.Found) -> None:
     with pytest.raises(ValueError, match="axes is 'east': it must be pickoffs or principal"):
         found.scenario(**{"axes": "east"})
-    alone = fg.identify(replace(DUAL_MASS.record(8000), y=None))
+    single = fg.identify(replace(DUAL_MASS.record(8000), y=None))
     with pytest.raises(ValueError, match="axes is principal: these records do not determine kxy"):
-        alone.scenario(axes="principal")
+        single.scenario(axes="principal")
 
 
 def test_the_toml_says_in_which_axes_it_is(found: fg.identify.Found, tmp_path: Path) -> None:
@@ -208,8 +208,8 @@ def test_the_prediction_is_half_of_what_is_left_of_the_ratio(found: fg.identify.
     assert prediction.scale_factor == pytest.approx(5e5 * ratio.half / ratio.value, rel=0.01)
     assert f"scale factor ± {float(f'{prediction.scale_factor:.2g}'):,g} ppm" in prediction.words
     # dxy/(4 m) per unit of the ratio, if the stiffness does not couple.
-    alone = found.scenario().replace({"plant.stiffness.xy": 0.0})
-    damped = predict(alone, ratio)
+    single = found.scenario().replace({"plant.stiffness.xy": 0.0})
+    damped = predict(single, ratio)
     assert damped is not None
     bias = abs(found["dxy"].value) / (4 * 1.42e-6) * ratio.half / ratio.value
     assert damped.bias == pytest.approx(math.degrees(bias) * 3600, rel=0.02)

@@ -16,14 +16,15 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
-from browser import served, violations, watched
+from browser import Quiet, served, violations, watched
 from children import PATIENCE
 from embedded import need
 from fracgyro.cli.simulate import _change
-from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data, write_page
-from fracgyro.export.web import build, document
+from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data
+from fracgyro.export.web import document
 from fracgyro.scenario.kinds import KINDS
 from matplotlib import image
+from shared import live_page
 
 # -- The page's state, in node -------------------------------------------------------------------------------------
 
@@ -65,6 +66,9 @@ ADDRESSES = {
     "held noise": "disturbance.hold_steps=3&run.step=0.002",
     "a sine": "rate=sine",
     "positions": "sensors=positions",
+    "a drawn figure": "figure=1+0,0+1,-1+-1",
+    "a drawn figure, from positions": "figure=0+0,1+0.5,0+1.25&sensors=positions&b=yours",
+    "a drawn figure, after another motion": "figure=1+0,0+1,-1+-1&reference.amplitude.x=2&reference.offset.y=0.5",
     "both, with another strength of noise": "rate=sine&sensors=positions&disturbance.standard_deviation=2",
     **{f"law {law}": f"a={law}" for law in laws()},
     **{f"law {law}, from positions": f"a={law}&sensors=positions" for law in ("least_squares", "joint", "lqg")},
@@ -90,6 +94,7 @@ def test_toml_and_command_are_the_scenario_that_is_run(data_file: Path) -> None:
             found = document(made)
             assert acting(found["settings"]) == acting(expected["settings"]), name
             assert found.get("device") == expected.get("device"), name
+            assert found.get("reference") == expected.get("reference"), name
 
 
 def scenario_of(command: str) -> fg.Scenario:
@@ -123,7 +128,7 @@ def test_an_address_says_what_differs_and_comes_back(data_file: Path) -> None:
 def preset_runs(data_file: Path) -> dict[str, list[fg.Scenario]]:
     """The scenarios of each preset, for as long as two swings of a rate that moves."""
     code = """
-    const runs = (of) => state.RUNS.filter((run) => of[run] !== state.NO_LAW);
+    const runs = (of) => state.RUNS.filter((run) => ![state.NO_LAW, state.YOURS].includes(of[run]));
     console.log(JSON.stringify(Object.fromEntries(presets.map(({ key }) => {
       const of = at("#" + key);
       return [key, runs(of).map((run) => state.toToml(state.dataOf(data, presets, of), of, run))];
@@ -206,6 +211,14 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
     assert 30.0 < squares[4] < 45.0
     assert squares.max() < 45.0
 
+    squares, corrected = run("draw")
+    assert rms_rate(squares, 10.0) < 10.0
+    assert rms_rate(corrected, 30.0) > 100.0
+
+    (paper,) = preset_runs.pop("your-own")
+    assert rms_rate(fg.simulate(paper, controller=Example(paper)), 10.0) < 20.0
+    assert rms_of(rate_error(fg.simulate(paper))[10_000:20_000]) > 200.0
+
     corrected, least_squares = run("quiet")
     with_noise = fg.simulate(fg.Scenario.paper().replace({"run.duration": 42.0}))
     assert np.abs(rate_error(least_squares)[1000:]).max() < 0.1
@@ -225,6 +238,32 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
         fg.simulate(corrected_law)
     assert (rms(fg.simulate(pid), 10, 20) < 1e-3).all()
     assert not preset_runs, "a preset that nobody checks"
+
+
+class Example:
+    """The function that the page begins with (integrations/web/live/example.mjs)."""
+
+    def __init__(self, scenario: fg.Scenario) -> None:
+        self.damping, self.stiffness = (matrix.tolist() for matrix in scenario.plant.nondimensional()[:2])
+        self.bandwidth = 0.2 / scenario.run.step
+        self.rate = 0.0
+
+    def __call__(self, s: fg.Sample) -> tuple[float, float]:
+        d, k, w = self.damping, self.stiffness, self.bandwidth
+        (x, y), (vx, vy), (ex, ey), (dx, dy), (ax, ay) = (
+            s.position,
+            s.velocity,
+            s.error,
+            s.error_rate,
+            s.reference_acceleration,
+        )
+        self.rate += 0.1 * ((dx + 0.5 * w * ex) * vy - (dy + 0.5 * w * ey) * vx)
+        ux = ax + d[0] * vx + d[1] * vy + k[0] * x + k[1] * y - 2 * self.rate * vy
+        uy = ay + d[1] * vx + d[2] * vy + k[1] * x + k[2] * y + 2 * self.rate * vx
+        return ux - w * w * ex - 1.4 * w * dx, uy - w * w * ey - 1.4 * w * dy
+
+    def report(self) -> dict[str, float]:
+        return {"rate_estimate": self.rate}
 
 
 def rms_rate(run: xr.Dataset, begin: float) -> float:
@@ -269,12 +308,46 @@ def test_spectrum_and_allan_deviation_are_those_of_numpy(data_file: Path) -> Non
     np.testing.assert_allclose(found, expected[2:-1], rtol=1e-9)
 
 
+FIGURE = [(1.0, 0.2), (-0.5, 1.0), (-1.0, -1.0), (0.5, -0.75)]
+
+
+def test_a_drawn_figure_is_the_fourier_series_of_its_closed_line(data_file: Path) -> None:
+    text = ", ".join(f"{x} {y}" for x, y in FIGURE)
+    code = f"""
+    const figure = await import(folder + "/live/figure.mjs");
+    const line = Array.from({{ length: 500 }}, (_, i) => [Math.cos(i / 79), Math.sin(i / 79)]);
+    const drawn = figure.pointsOf(figure.textOf(line));
+    const few = [figure.textOf(line.slice(0, 20)), figure.textOf([[0, 0]])];
+    console.log(JSON.stringify([figure.seriesOf(figure.pointsOf("{text}"), 2.0), drawn, few, figure.FIGURES]));
+    """
+    series, drawn, few, ready = json.loads(in_node(data_file, code))
+    corners = np.array([*FIGURE, FIGURE[0]])
+    ends = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+    at = np.arange(256) * ends[-1] / 256
+    samples = np.array([np.interp(at, ends, axis) for axis in corners.T])
+    expected = np.fft.rfft(samples) / 256
+    np.testing.assert_allclose(series["mean"], expected[:, 0].real, atol=1e-6)
+    amplitude, frequency, phase = np.array(series["terms"]).reshape(8, 3, 2).transpose(1, 2, 0)
+    np.testing.assert_array_equal(frequency, np.tile(2.0 * np.arange(1, 9), (2, 1)))
+    np.testing.assert_allclose(-0.5j * amplitude * np.exp(1j * phase), expected[:, 1:9], atol=2e-6)
+    assert len(drawn) == 40
+    np.testing.assert_allclose(np.hypot(*np.array(drawn).T), 1.0, atol=0.01)
+    assert few == ["", ""]
+    assert set(ready) == {"circle", "square", "star", "heart"}
+
+
 WRONG = {
     "#nothing": "preset is nothing: it must be one of ",
     "#follow&a=none": "a is none: it must be one of printed, corrected, ",
     "#follow&speed=1000": "speed is 1000: it must be from 0.1 to 40",
     "#follow&speed=x": "speed is x: it must be from 0.1 to 40",
     "#follow&window=7": "window is 7: it must be one of 2, 5, 20, 80",
+    "#follow&figure=1+0,0+1": "figure has 2 points: it must have 3 to 200, such as 1 0, 0 1, -1 0",
+    "#follow&figure=1+0,0+1,x": "figure has the point x: it must be x and y from −2 to 2, such as 1 0",
+    "#follow&figure=1+0,0+1,3+0": "figure has the point 3 0: it must be x and y from −2 to 2, such as 1 0",
+    "#follow&figure=1+0,1+0,1+0": "figure has no length: its points must differ, such as 1 0",
+    "#dual-mass&figure=1+0,0+1,-1+0": "figure is nothing that this page can set",
+    "#follow&b=yours&b.controller.order=0.5": "b.controller.order is not a setting of a function of your own",
     "#follow&plant.mass=1": "plant.mass is nothing that this page can set",
     "#follow&controller.order=1": "controller.order is nothing that this page can set",
     "#follow&a.plant.angular_rate=1": "a.plant.angular_rate is nothing that this page can set",
@@ -327,10 +400,7 @@ STILL = {"reduced_motion": "reduce"}  # starts paused at t = 0
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     need("browser")
-    made = tmp_path_factory.mktemp("live")
-    build(made)
-    write_page(made / "live", made / "fracgyro.wasm")
-    return made / "live"
+    return live_page(tmp_path_factory)
 
 
 @pytest.fixture(scope="session")
@@ -577,7 +647,8 @@ def test_the_sentence_of_the_numbers_has_the_rms_of_the_time_shown(browser: Any,
         sentence = page.text_content("#measured").replace("−", "-")
     found = re.search(r"error of the rate A (\S+), B – rad/s; tracking error A (\S+), B (\S+) µm\.", sentence)
     assert found
-    bins = slice(0, 10 * ((sample + 1) // 10))
+    begin = max(0, sample - 20_000)  # a slow machine pauses later than asked
+    bins = slice(10 * max(0, round((begin + 1) / 10) - 1), 10 * ((sample + 1) // 10))
     first = fg.simulate(fg.Scenario.paper()).isel(time=bins)
     second = fg.simulate(laws()["pid"][1]).isel(time=bins)
     expected = [
@@ -832,6 +903,223 @@ def test_it_plays_by_itself_unless_motion_is_to_be_reduced_and_speaks(browser: A
     with opened(browser, address) as page:
         page.wait_for_timeout(300)
         assert time(page) == 0.0
+
+
+# -- A function of the visitor's, and a figure
+
+RESTING = "function force(s) {\n  return [0, 0];\n}\n"
+
+
+def second(channel: str) -> str:
+    return f"document.querySelector('td[data-run=b][data-channel=\"{channel}\"]').textContent"
+
+
+def run_code(page: Any, text: str) -> None:
+    page.fill("#code", text)
+    page.click("#run-code")
+
+
+def test_a_function_in_the_page_runs_like_a_callable_in_python(browser: Any, address: str) -> None:
+    paper = fg.Scenario.paper()
+    run = fg.simulate(paper, controller=Example(paper))
+    with opened(browser, address, "#your-own&speed=40") as page:
+        sample = run_to(page, 3.0)
+        for channel, number in (
+            ("rate_estimate", 1e3 * float(run["rate_estimate"][sample])),
+            ("control.y", float(run["control"][sample, 1])),
+        ):
+            assert str(float(value(page, channel, "b"))) == digits(number)
+        run_code(page, RESTING)
+        page.wait_for_function("document.getElementById('play').textContent === 'Pause'")
+        page.keyboard.press("Escape")
+        page.click("#play")
+        page.wait_for_function("document.getElementById('clock').textContent.includes('paused')")
+        assert float(value(page, "control.y", "b")) == 0.0
+        page.click("#example")
+        page.focus("#code")
+        page.keyboard.press("Control+Enter")
+        page.wait_for_function(f"{second('rate_estimate')} !== '–'")
+
+
+BROKEN = {
+    "let a = 1;\nlet b = ;\n" + RESTING: r"Your function, line 2: Unexpected token ';'",
+    "let q;\n\nfunction force(s) {\n  return [q.x, 0];\n}": r"Your function, line 4: Cannot read properties of ",
+    "function force(s) {\n  if (s.time > 0.1)\n    throw new Error('no');\n  return [0, 0];\n}": (
+        r"Your function, line 3: no"
+    ),
+    "let q = NaN;\nfunction force(s) {\n  return [0, q];\n}": (
+        r"Your function, line 2: it returned \[0,NaN\] at t = 0: it must return two finite numbers"
+    ),
+    RESTING + "\nfunction report() {\n  return { error: 1 };\n}": r"Your function, line 5: report\(\) of the law has ",
+    "let q;": r"Your function: there is no function force\(s\): it must be defined",
+    "throw 'a word';": r"Your function: a word",
+}
+
+
+def test_a_function_that_fails_is_shown_with_its_line_and_another_one_runs(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow") as page:
+        page.get_by_text("Your own function", exact=True).last.click()
+        for text, sentence in BROKEN.items():
+            run_code(page, text)
+            page.wait_for_function("document.getElementById('code-note').textContent !== ''")
+            for place in ("#problem", "#code-note"):
+                assert re.match(sentence, page.text_content(place)), text
+            line = re.search(r"line (\d+)", sentence)
+            numbers = page.text_content("#lines").split("\n")
+            assert [number for number in numbers if number.startswith("▸")] == ([f"▸{line[1]}"] if line else [])
+            if line:
+                selected = page.evaluate("((at) => at.value.slice(at.selectionStart, at.selectionEnd))(code)")
+                assert selected == text.split("\n")[int(line[1]) - 1]
+        run_code(page, RESTING)
+        page.wait_for_selector("#problem", state="hidden")
+        page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.05")
+        assert page.text_content("#code-note") == ""
+
+
+def test_a_function_that_never_returns_is_ended_with_a_sentence(browser: Any, address: str) -> None:
+    sentence = "Your function has not returned within 2 s, so it has been ended: change it and run it again"
+    with opened(browser, address, "#your-own") as page:
+        for text in ("for (;;);", "function force(s) {\n  while (s.time > 0.01);\n  return [0, 0];\n}"):
+            run_code(page, text)
+            page.wait_for_selector("#problem:visible")
+            assert page.text_content("#problem") == sentence
+            assert page.text_content("#play") == "Play"
+            run_code(page, RESTING)
+            page.wait_for_selector("#problem", state="hidden")
+            page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.05")
+
+
+# Ways out of a worker.
+LEAKS = (
+    "const asked = new XMLHttpRequest(); asked.open('GET', 'ADDRESS', false); asked.send();",
+    "importScripts('ADDRESS');",
+    "new WebSocket('ADDRESS'.replace('http', 'ws'));",
+    "new EventSource('ADDRESS');",
+    "fetch('ADDRESS').catch(() => {});",
+    "new Worker('ADDRESS');",
+)
+
+
+def test_nothing_leaves_the_page(browser: Any, folder: Path) -> None:
+    asked: list[str] = []
+
+    class Listening(Quiet):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            super().do_GET()
+
+    tries = "\n".join(f"try {{ {leak} }} catch (error) {{ ++refused; }}" for leak in LEAKS)
+    with served(folder, Listening) as address:
+        page = browser.new_page(**STILL)
+        page.set_default_timeout(1000 * PATIENCE)
+        page.goto(address + "#your-own")
+        ready(page)
+        report = "function report() {\n  return { rate_estimate: refused };\n}\n"
+        run_code(page, f"let refused = 0;\n{tries}\n{RESTING}{report}".replace("ADDRESS", f"{address}secret"))
+        page.wait_for_function(f"parseFloat({second('rate_estimate')}) >= 1000")  # in rad/s, so 1 at least
+        page.wait_for_timeout(500)
+        page.close()
+    assert asked == ["/"]
+
+
+def test_a_function_that_came_with_the_address_runs_only_when_asked(browser: Any, address: str) -> None:
+    with opened(browser, address, "#your-own") as page:
+        run_code(page, RESTING)
+        page.wait_for_function("location.hash.includes('code=')")
+        hash = page.evaluate("location.hash")
+        page.goto("about:blank")
+        page.goto(address + hash)
+        ready(page)
+        assert page.input_value("#code") == RESTING
+        assert "came with the address" in page.text_content("#code-note")
+        page.keyboard.press(".")
+        page.wait_for_function("document.getElementById('clock').textContent.startsWith('t = 0.001 ms')")
+        assert float(value(page, "control.y", "b")) != 0.0  # the example's
+        page.click("#run-code")
+        page.wait_for_function(f"{second('control.y')} === '0.000'")
+        assert page.text_content("#code-note") == ""
+        page.click('a[href="#follow"]')
+        page.wait_for_selector('a[href="#follow"][aria-current]')
+        assert "code=" not in page.evaluate("location.hash")
+        assert page.input_value("#code") == RESTING
+
+
+def lobes(angle: Any) -> Any:
+    """Radius of a figure without symmetry."""
+    return 60.0 + 15.0 * np.cos(3.0 * angle) + 10.0 * np.sin(angle)
+
+
+def draw_lobes(page: Any, send: Any) -> None:
+    """Moves the pointer along them, from the right end on."""
+    page.evaluate("document.getElementById('sketch').scrollIntoView({ block: 'end' })")
+    box = page.locator("#sketch").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    for i in range(61):
+        angle = np.pi * i / 30.5
+        radius = lobes(angle)
+        send(i, float(x + radius * np.cos(angle)), float(y - radius * np.sin(angle)))
+
+
+@pytest.mark.parametrize("way", ["mouse", "touch"])
+def test_a_figure_that_is_drawn_is_followed(browser: Any, address: str, way: str) -> None:
+    with opened(browser, address, "#lqg&speed=40", has_touch=way == "touch", color_scheme="light") as page:
+        page.get_by_text("Draw the motion", exact=True).last.click()
+        if way == "mouse":
+
+            def send(i: int, x: float, y: float) -> None:
+                page.mouse.move(x, y)
+                if i == 0:
+                    page.mouse.down()
+
+            draw_lobes(page, send)
+            page.mouse.up()
+        else:
+            tablet = page.context.new_cdp_session(page)
+
+            def send(i: int, x: float, y: float) -> None:
+                kind = "touchStart" if i == 0 else "touchMove"
+                tablet.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
+
+            draw_lobes(page, send)
+            tablet.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        page.wait_for_function("location.hash.includes('figure=')")
+        points = np.array([[float(c) for c in p.split()] for p in page.input_value("#points").split(",")])
+        assert page.input_value("#figures") == "drawn"
+        size = page.locator("#sketch").bounding_box()["height"] / 2 / 1.4
+        found = np.hypot(*points.T) * size
+        expected = lobes(np.arctan2(points[:, 1], points[:, 0]))
+        np.testing.assert_allclose(found, expected, atol=2.5)
+        page.focus("#plot-list")
+        sample = run_to(page, 3.0)
+        page.get_by_text("Copy B as TOML").click()
+        scenario = fg.Scenario.from_toml(page.input_value("#text"))
+        assert scenario.reference.kinds == ("sines", "sines")
+        at = fg.simulate(scenario).isel(time=sample)
+        assert str(float(value(page, "control.x", "b"))) == digits(float(at["control"][0]))
+        near = np.hypot(*(points - at["reference"].values).T).min()
+        assert near < 0.15
+
+
+def test_a_figure_can_be_chosen_or_typed_and_given_up(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow") as page:
+        page.get_by_text("Draw the motion", exact=True).last.click()
+        page.select_option("#figures", "square")
+        page.wait_for_function("location.hash.includes('figure=1+1')")
+        assert page.input_value("#points") == "1 1, -1 1, -1 -1, 1 -1"
+        page.fill("#points", "1 0, 0 1")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#problem:visible")
+        assert page.text_content("#problem").startswith("figure has 2 points: it must have 3 to 200")
+        page.wait_for_function("document.getElementById('points').value === '1 1, -1 1, -1 -1, 1 -1'")
+        page.fill("#points", "1 0, 0 1, -1 -0.5")
+        page.keyboard.press("Enter")
+        page.wait_for_function("document.getElementById('figures').value === 'drawn'")
+        assert page.is_hidden("#problem")
+        page.select_option("#figures", "")
+        page.wait_for_function("!location.hash.includes('figure=')")
+        assert page.input_value("#points") == ""
+    with opened(browser, address, "#dual-mass") as page:
+        assert page.is_hidden("#drawing")
 
 
 # -- The page of one scenario ----------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
+from browser import faults_of_report
 from figure_data import column, figure_data
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
 from fracgyro.rate.measure import measure
@@ -135,6 +136,10 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((folder / "out" / "rate.json").read_text(encoding="utf-8"))
     return folder / "out"
+
+
+def test_the_report_is_accessible_and_fits(browser: Any, report: Path) -> None:
+    assert faults_of_report(browser, report / "report.html") == []
 
 
 def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
@@ -325,8 +330,10 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
 # adaptation.rate_forgetting is 2 pi 100 Hz: least squares have an answer of first order with 45 degrees of lag there.
 @pytest.mark.parametrize(
     ("scenario", "bandwidth", "lag"),
-    [(fg.Scenario.shipped("dual_mass"), (85, 105), (45, 100)), (exactly_sensed("dual_mass"), (97, 103), (43, 47))],
-    ids=["joint", "composite"],
+    [
+        pytest.param(fg.Scenario.shipped("dual_mass"), (85, 105), (45, 100), id="joint"),
+        pytest.param(exactly_sensed("dual_mass"), (97, 103), (43, 47), marks=pytest.mark.nightly, id="composite"),
+    ],
 )
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
     scenario: fg.Scenario, bandwidth: tuple[float, float], lag: tuple[float, float]

@@ -18,6 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 import scipy.io
+from browser import faults_of_report
 from fracgyro.rate.of_record import analyze_record, analyze_series
 from fracgyro.rate.record import Options
 from fracgyro.rate.record import read_record as read
@@ -675,6 +676,13 @@ def test_the_knock_of_the_sample_record_is_found() -> None:
     figures, content = analyze_record(ROOT / "examples/records/knock.csv")
     assert content["events"][0]["sentence"].startswith("10 samples from 600 to 601.1 s are outliers, by up to")
     assert all(math.isnan(figure.low) and figure.grade is None for figure in figures)
+
+
+def test_the_report_is_accessible_and_fits(browser: Any, tmp_path: Path) -> None:
+    record = Path(__file__).resolve().parents[2] / "examples/records/still.csv"
+    done = run("allan", record, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert faults_of_report(browser, tmp_path / "out/report.html") == []
 
 
 def test_three_axes_make_one_report(tmp_path: Path) -> None:

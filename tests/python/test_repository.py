@@ -146,3 +146,17 @@ def test_the_lock_has_hashes_and_names_no_server() -> None:
     assert all("--hash=sha256:" in entry for entry in entries)
     assert "://" not in text
     assert "index" not in text
+
+
+# -- paper.md ------------------------------------------------------------------------------------------------
+
+
+def test_the_short_paper_has_the_sections_that_joss_asks_for_and_cites_what_its_list_has() -> None:
+    text = read("paper.md")
+    wanted = {"Summary", "Statement of need", "State of the field", "Software design", "Research impact"}
+    assert wanted | {"AI usage disclosure", "References"} == set(re.findall(r"^# (.*)$", text, re.MULTILINE))
+    keys = re.findall(r"^@\w+\{(\w+),$", read("paper.bib"), re.MULTILINE)
+    assert len(keys) == len(set(keys)) > 5
+    assert set(re.findall(r"@(\w+)", text.partition("# Summary")[2])) == set(keys)
+    assert 250 < len(text.split()) < 1000  # JOSS: 250 to 1000 words
+    assert yaml.safe_load(text.split("---")[1])["bibliography"] == "paper.bib"

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from children import PATIENCE
 from embedded import need
+from nightly import nightly_unless
 
 ROOT = Path(__file__).parents[2]
 PAPER = fg.Scenario.paper().replace({"run.duration": 2.0})
@@ -45,7 +46,10 @@ def refusal(controller: fg.Controller, state: bytes) -> str:
     return str(refused.value)
 
 
-@pytest.mark.parametrize(("script", "face", "attempts"), FUZZED)
+@pytest.mark.parametrize(
+    ("script", "face", "attempts"),
+    nightly_unless(lambda script, face, attempts: face in {"python", "browser", "fmi3-loop"}, FUZZED),
+)
 def test_no_bytes_do_harm(script: str, face: str, attempts: int) -> None:
     if face == "browser":
         need("WebAssembly")

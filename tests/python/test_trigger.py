@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
@@ -60,7 +59,7 @@ def test_without_noise_it_saves_most_forces_and_in_noise_hardly_any() -> None:
         run = fg.simulate(PID.replace({"run.duration": 5.0, "controller.event_threshold": threshold, **noise}))
         return sent(run), float(np.sqrt((run["error"].values[2500:] ** 2).mean()))
 
-    assert both(0.0, {})[0] == 1.0
+    assert both(0.0, {})[0] > 0.98  # the first forces are the limit
     every, exact = both(0.0, {}), both(3.0, {})
     assert exact[0] < 0.4
     assert exact[1] < 1.1 * every[1]
@@ -84,18 +83,20 @@ def test_runs_in_parts_and_alone_are_the_same(sensing: dict[str, Any]) -> None:
         np.testing.assert_array_equal(controller.step(n * 1e-3, q, None if positions else v), run["control"].values[n])
 
 
-@pytest.mark.parametrize("kind", ["linear", "network", "lqg"])
-def test_firmware_and_browser_send_the_same_forces(kind: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("target", "kind"), [("host", "network"), ("fmu", "lqg")])
+def test_exports_send_the_same_forces(target: str, kind: str) -> None:
     scenario = SHORT.replace({"controller.kind": kind, **CASES["both, in noise"], "run.duration": 0.2})
     assert scenario.controller.event_share == 0.05
-    found = answers(scenario, ["python", "firmware", "web"])
-    for name in ("firmware", "web"):
-        np.testing.assert_array_equal(found[name], found["python"])
+    run = fg.simulate(scenario)
+    motion = np.hstack([run["measured_position"].values, run["measured_velocity"].values])
+    expected = answers("python", scenario, "double", motion)
+    assert sent(run) < 1.0
+    np.testing.assert_array_equal(answers(target, scenario, "double", motion), expected)
 
 
 def test_a_target_without_it_refuses_in_one_sentence() -> None:
     with pytest.raises(ScenarioError, match=r"^controller\.event_share is 0\.05: it must be 0\.0 for this target"):
-        answers(SHORT.replace(CASES["share"]), ["lanes"])
+        answers("lanes", SHORT.replace(CASES["share"]), "double", np.zeros((3, 4)))
 
 
 def test_that_there_is_one_cannot_change_while_the_loop_runs() -> None:

@@ -61,11 +61,12 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_array_equal(got.reshape(expected.shape).view(np.uint64), expected.view(np.uint64))
 
 
-def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 450_000
-    assert sum(file.stat().st_size for file in module.iterdir()) < 560_000
-    imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
-    assert in_node(module, tmp_path, imports) == "0\n"
+def test_the_module_is_small_and_imports_only_the_callers_law(module: Path, tmp_path: Path) -> None:
+    assert (module / "fracgyro.wasm").stat().st_size < 520_000
+    assert sum(file.stat().st_size for file in module.iterdir()) < 660_000
+    imports = 'console.log(JSON.stringify(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm")))))'
+    (imported,) = json.loads(in_node(module, tmp_path, imports))
+    assert imported == {"module": "caller", "name": "law", "kind": "function"}
 
 
 # Every kind of disturbance; the first part is a sine.
@@ -103,6 +104,9 @@ SCENARIOS = {
     ),
     "sliding mode behind the filter of positions": SHORT.replace(
         {"controller.filter": "kalman", "device.sensing": "position", "device.position_noise": 1e-11, "device.delay": 1}
+    ),
+    "PID whose force is sent by events": SHORT.replace(
+        {"controller.kind": "pid", "controller.event_threshold": 5.0, "controller.event_share": 0.02}
     ),
     **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
     "disturbances that add up": LIST,
@@ -620,3 +624,102 @@ def test_a_page_can_change_the_kind_and_gives_the_settings_that_it_has(module: P
     assert_same_bits(np.fromfile(tmp_path / "rows"), recorded(scenario))
     assert json.loads(force) == list(fg.Controller(scenario).step(0.0, [0.5, 0.5], [0.0, 0.0]))
     assert report == "{}"
+
+
+class Learning:
+    """Feedback that adapts a rate, from every part of a sample."""
+
+    def __init__(self) -> None:
+        self.rate = 0.0
+        self.last = (0.0, 0.0)
+
+    def __call__(self, s: fg.Sample) -> tuple[float, float]:
+        (x, y), (vx, vy), (ex, ey), (dx, dy) = s.position, s.velocity, s.error, s.error_rate
+        self.rate += 0.1 * ((dx + 100.0 * ex) * vy - (dy + 100.0 * ey) * vx)
+        ux = s.reference_acceleration[0] + 355.0 * s.reference[0] + x - 4e4 * ex - 280.0 * dx - 2.0 * self.rate * vy
+        uy = s.reference_acceleration[1] + 532.0 * s.reference[1] + y - 4e4 * ey - 280.0 * dy + 2.0 * self.rate * vx
+        self.last = (s.time, s.reference_velocity[1])
+        return ux, uy
+
+    def report(self) -> dict[str, Any]:
+        return {"rate_estimate": self.rate, "last": self.last}
+
+
+LEARNING = """
+const law = () => {
+  let [rate, last] = [0, [0, 0]];
+  return {
+    force(s) {
+      const [[x, y], [vx, vy], [ex, ey], [dx, dy]] = [s.position, s.velocity, s.error, s.error_rate];
+      rate += 0.1 * ((dx + 100 * ex) * vy - (dy + 100 * ey) * vx);
+      last = [s.time, s.reference_velocity[1]];
+      return [
+        s.reference_acceleration[0] + 355 * s.reference[0] + x - 4e4 * ex - 280 * dx - 2 * rate * vy,
+        s.reference_acceleration[1] + 532 * s.reference[1] + y - 4e4 * ey - 280 * dy + 2 * rate * vx,
+      ];
+    },
+    report: () => ({ rate_estimate: rate, last }),
+  };
+};
+"""
+
+
+@pytest.mark.parametrize("name", ["exact", "real"])
+def test_a_law_of_the_callers_runs_like_a_callable_in_python(module: Path, tmp_path: Path, name: str) -> None:
+    real = {"device.sensing": "position", "device.position_noise_density": 1e-14, "controller.force_limit": 900.0}
+    scenario = SHORT.replace({"run.duration": 2.0, **(real if name == "real" else {})})
+    code = """
+    const run = await fracgyro.simulate(own, {}, { law: law() });
+    const loop = await fracgyro.loop(own, {}, { law: law() });
+    const parts = [loop.run(700), (loop.kick([0, 0]), loop.run(1301))];
+    write("rows", run.rows);
+    write("parts", new Float64Array(parts.flatMap((part) => [...part])));
+    console.log(JSON.stringify(run.columns));
+    """
+    columns = json.loads(in_node(module, tmp_path, LEARNING + code, scenario))
+    rows = np.fromfile(tmp_path / "rows").reshape(-1, len(columns))
+    assert_same_bits(np.fromfile(tmp_path / "parts"), rows)
+    run = fg.simulate(scenario, controller=Learning())
+    for channel in ("position", "control", "rate_estimate", "last"):
+        values = run[channel].values.reshape(len(rows), -1)
+        places = [i for i, column in enumerate(columns) if column.split(".")[0] == channel]
+        assert_same_bits(np.ascontiguousarray(rows[:, places]), np.ascontiguousarray(values))
+
+
+WRONG_LAWS = {
+    "(s) => [NaN, 1]": "LawError: the law returned [NaN,1] at t = 0: it must return two finite numbers",
+    "(s) => (s.time < 0.0015 ? [0, 0] : [1])": "LawError: the law returned [1] at t = 0.002: it must return two finite",
+    "(s) => undefined": "LawError: the law returned undefined at t = 0: it must return two finite numbers",
+    "(s) => 'ab'": "LawError: the law returned ab at t = 0: it must return two finite numbers",
+    "(s) => { throw new Error('mine'); }": "Error: mine",
+    "{ report: () => ({}) }": "LawError: the law must be a function, or have a function force",
+    "{ force: (s) => [0, 0], report: () => ({ position: 1 }) }": "LawError: report() of the law has position, which ",
+    "{ force: (s) => [0, 0], report: () => ({ a: 'x' }) }": "LawError: report() of the law has a x: it must be a num",
+    "{ n: 0, force: (s) => [0, 0], report() { return this.n++ > 5 ? {} : { a: [1, 2] }; } }": (
+        "LawError: report() of the law has a undefined: it must be two numbers"
+    ),
+}
+
+
+def test_a_law_that_returns_no_force_ends_the_run_with_one_sentence(module: Path, tmp_path: Path) -> None:
+    code = f"""
+    for (const text of {json.dumps(list(WRONG_LAWS))}) {{
+      const law = eval(`(${{text}})`);
+      await fracgyro.simulate(own, {{}}, {{ law }}).then(
+        () => console.log("ran"),
+        (error) => console.log(`${{error.constructor.name}}: ${{error.message}}`),
+      );
+    }}
+    const filtered = fracgyro.simulate(own, {{ "controller.filter": "kalman" }}, {{ law: law() }});
+    await filtered.catch((error) => console.log(error.message));
+    const sent = fracgyro.simulate(own, {{ "controller.event_threshold": 3 }}, {{ law: law() }});
+    await sent.catch((error) => console.log(error.message));
+    const loop = await fracgyro.loop(own, {{}}, {{ law: law() }});
+    try {{ loop.state; }} catch (error) {{ console.log(error.message); }}
+    """
+    *found, filtered, sent, state = in_node(module, tmp_path, LEARNING + code).splitlines()
+    for said, sentence in zip(found, WRONG_LAWS.values(), strict=True):
+        assert said.startswith(sentence)
+    assert filtered == "controller.filter is kalman: with a law of your own it is none"
+    assert sent == "controller.event_threshold is 3: with a law of your own it is 0"
+    assert state == "state cannot be saved or set: the memory of a law of your own is not in it"

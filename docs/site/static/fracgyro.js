@@ -12,17 +12,26 @@ for (const each of document.querySelectorAll("[role=heading]:not([aria-level])")
 for (const each of document.querySelectorAll("dt.sig dl, dt.sig dd")) {
   each.role = "presentation";
 }
-// The picture of the live page is a link to it, and becomes it when clicked: nothing runs before.
-const live = document.querySelector("img.live-page")?.closest("a");
-live?.addEventListener("click", (event) => {
-  if (event.ctrlKey || event.metaKey || event.shiftKey) {
-    return;
+// In the reference of a scenario, tables that belong to kinds: each section with such tables gets a choice of one kind.
+const OWNERS = /^Of (.*):$/;
+for (const section of document.querySelectorAll("article section")) {
+  const parts = [...section.children].filter((each) => each.tagName === "P" && OWNERS.test(each.textContent));
+  if (parts.length < 2) {
+    continue;
   }
-  event.preventDefault();
-  const page = document.createElement("iframe");
-  page.src = live.href;
-  page.title = "Live page";
-  page.className = "live-page";
-  live.replaceWith(page);
-  page.focus();
-});
+  const kindsOf = (part) => part.textContent.match(OWNERS)[1].split(", ");
+  const label = document.createElement("label");
+  const select = document.createElement("select");
+  const kinds = [...new Set(parts.flatMap(kindsOf))].sort();
+  select.append(new Option("all kinds", ""), ...kinds.map((kind) => new Option(kind)));
+  select.addEventListener("change", () => {
+    for (const part of parts) {
+      const shown = !select.value || kindsOf(part).includes(select.value);
+      part.classList.toggle("unchosen", !shown);
+      part.nextElementSibling.classList.toggle("unchosen", !shown);
+    }
+  });
+  label.className = "kind-filter";
+  label.append("Fields of", select);
+  section.querySelector("p").after(label);
+}

@@ -146,10 +146,12 @@ namespace detail {
 template <class First, std::size_t Capacity>
 struct SizedTerm {
     using Type = First;
+    static constexpr bool has_memory = false;
 };
 template <Scalar T, std::size_t Most, std::size_t Capacity>
 struct SizedTerm<FractionalTerm<T, Most>, Capacity> {
     using Type = FractionalTerm<T, Capacity>;
+    static constexpr bool has_memory = true;
 };
 }  // namespace detail
 
@@ -161,7 +163,7 @@ struct Surface {
         typename TerminalTerm<T>::Coefficients terminal{};
     };
     using State = typename First::State;
-    static constexpr bool has_memory = !std::is_same_v<typename detail::SizedTerm<First, 2>::Type, First>;
+    static constexpr bool has_memory = detail::SizedTerm<First, 2>::has_memory;
     // Room for `Capacity` exponentials.
     template <std::size_t Capacity>
     using Sized = Surface<T, typename detail::SizedTerm<First, Capacity>::Type, with_terminal>;

@@ -27,7 +27,7 @@ namespace fracgyro {
 
 struct DynamicSlidingParams {
     double surface_gain = 30.0;      // λ
-    double reaching_rate = 200.0;    // κ
+    double reaching_rate = 90.0;     // κ
     double force_bandwidth = 400.0;  // k
     double switching_rate = 0.0;     // k_s; 0: off
     double layer_thickness = 100.0;  // δ

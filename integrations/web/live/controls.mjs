@@ -1,5 +1,7 @@
 // Elements of the settings, made from the descriptions of the fields. Each has refresh(), which shows its value.
 
+export const $ = (id) => document.getElementById(id);
+
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {

@@ -1,6 +1,10 @@
 // The live page: playback, drawing and controls.
 import { CHANNELS, PER_RADIAN, place } from "./channels.mjs";
-import { element, selectField, settingField, sliderField } from "./controls.mjs";
+import { $, element, selectField, settingField, sliderField } from "./controls.mjs";
+import { Drawing } from "./drawing.mjs";
+import { Editor } from "./editor.mjs";
+import { EXAMPLE } from "./example.mjs";
+import { pointsOf } from "./figure.mjs";
 import { History } from "./history.mjs";
 import { Plot, drawLogLog } from "./plot.mjs";
 import { presets } from "./presets.mjs";
@@ -10,13 +14,11 @@ import {
   LARGE,
   NO_LAW,
   RUNS,
+  YOURS,
   dataOf,
   fromHash,
-  isOffered,
-  isShared,
-  kindOf,
+  offeredNames,
   scenarioOf,
-  settingNames,
   stateOf,
   tableOf,
   toCommand,
@@ -30,8 +32,9 @@ const SPOKEN_EVERY = 2000; // ms
 const SHOWN_EVERY = 100; // numbers, ms
 const VIEWED_EVERY = 250; // spectrum and Allan deviation, ms
 const LONGEST_FRAME = 0.05; // s; where frames take longer, time slows down
+const TICK = 100; // ms
+const MOST_TICKS = 20; // for an answer while a visitor's function runs; a page that is starved has fewer
 
-const $ = (id) => document.getElementById(id);
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
 let all, data, state, theme; // `data`: of the preset's gyroscope
@@ -48,24 +51,28 @@ let started = 0; // how often: what was asked for before is void
 let cursor = null;
 let figure = [];
 let dirty = true;
+let failed = false; // the visitor's function has ended the runs
+const allowed = new Set([EXAMPLE]); // functions that may run: an address can bring one that nobody has read
 let reversal = Infinity; // the sample at which the page reverses the rate by itself
 
 // -- The worker
 
 const waiting = new Map();
 let asked = 0;
-let worker;
+let worker, workerSource, wasm;
 
-async function startWorker() {
-  const source = new Blob([await unpacked("worker")], { type: "text/javascript" });
-  worker = new Worker(URL.createObjectURL(source));
+function startWorker() {
+  worker = new Worker(workerSource);
   worker.onmessage = ({ data: message }) => {
+    if (!waiting.has(message.id)) {
+      return; // from a worker that has been ended
+    }
     const { resolve, reject } = waiting.get(message.id);
     waiting.delete(message.id);
     if (message.problem === undefined) {
       resolve(message);
     } else {
-      reject(new RangeError(message.problem));
+      reject(Object.assign(new RangeError(message.problem), { line: message.line }));
     }
   };
   worker.onerror = (event) => {
@@ -73,19 +80,51 @@ async function startWorker() {
     pause();
     problem("The simulation has stopped with an error. Reload the page to start again.");
   };
+  return ask("load", { wasm, data: all });
 }
 
 function ask(is, content = {}) {
-  return new Promise((resolve, reject) => {
-    const id = ++asked;
-    waiting.set(id, { resolve, reject });
-    worker.postMessage({ is, id, ...content });
-  });
+  const id = ++asked;
+  const answered = new Promise((resolve, reject) => waiting.set(id, { resolve, reject }));
+  worker.postMessage({ is, id, ...content });
+  if (is !== "load" && runs().some((run) => state[run] === YOURS)) {
+    watch(id);
+  }
+  return answered;
+}
+
+// Ends the worker if it does not answer: the visitor's function may have an endless loop.
+function watch(id) {
+  let ticks = 0;
+  const timer = setInterval(() => {
+    if (waiting.has(id) && ++ticks < MOST_TICKS) {
+      return;
+    }
+    clearInterval(timer);
+    if (waiting.has(id)) {
+      worker.terminate();
+      const unanswered = [...waiting.values()];
+      waiting.clear();
+      startWorker();
+      const words = "Your function has not returned within 2 s, so it has been ended: change it and run it again";
+      unanswered.forEach(({ reject }) => reject(Object.assign(new RangeError(words), { line: null })));
+    }
+  }, TICK);
 }
 
 function problem(sentence) {
   $("problem").hidden = !sentence;
   $("problem").textContent = sentence;
+}
+
+// Shows why something cannot be done. Errors of the visitor's function have a line, or null.
+function fail({ message, line }) {
+  problem(message);
+  if (line !== undefined) {
+    failed = true;
+    pause();
+    editor.fail(message, line);
+  }
 }
 
 // -- Running
@@ -106,11 +145,12 @@ async function restart() {
   const wanted = runs().map((run) => scenarioOf(data, state, run));
   const bin = Math.max(1, Math.round(data.bin / wanted[0].settings["run.step"]));
   try {
-    await ask("start", { scenarios: wanted, bin, step: data.base.settings["run.step"] });
+    const code = allowed.has(state.code) ? state.code : EXAMPLE;
+    await ask("start", { scenarios: wanted, bin, step: data.base.settings["run.step"], code });
   } catch (error) {
     if (attempt === started) {
       busy = false;
-      problem(error.message);
+      fail(error);
     }
     return false;
   }
@@ -122,6 +162,7 @@ async function restart() {
   points = wanted.map(() => new Float64Array(CHANNELS.length).fill(NaN));
   ended = wanted.map(() => null);
   [sample, owed, cursor] = [0, 0, null];
+  failed = false;
   figure = figureOf(wanted[0]);
   const { reverses } = presetOf();
   const acts = reverses && !still.matches && !Object.hasOwn(state.shared, "plant.angular_rate");
@@ -159,7 +200,9 @@ async function taken(samples) {
     }
   } catch (error) {
     pause();
-    problem(error.message);
+    if (attempt === started) {
+      fail(error);
+    }
   } finally {
     if (attempt === started) {
       busy = false;
@@ -175,8 +218,10 @@ function turning() {
 }
 
 async function play() {
-  if (ended.length && ended.every((time) => time !== null)) {
-    await restart();
+  if (failed || (ended.length && ended.every((time) => time !== null))) {
+    if (!(await restart()) || failed) {
+      return;
+    }
   }
   playing = true;
   $("play").textContent = "Pause";
@@ -190,7 +235,9 @@ function pause() {
 async function oneStep() {
   pause();
   await advanced;
-  await advance(1);
+  if (!failed || (await restart())) {
+    await advance(1);
+  }
 }
 
 // The preset acts: the state and the address stay as they are.
@@ -206,7 +253,7 @@ async function reverse() {
 }
 
 function kick(velocity) {
-  ask("kick", { velocity }).catch((error) => problem(error.message));
+  ask("kick", { velocity }).catch(fail);
 }
 
 // -- Settings
@@ -240,7 +287,7 @@ async function tune(name, value, run) {
   try {
     await ask("set", { changes });
   } catch (error) {
-    problem(error.message);
+    fail(error);
     return false;
   }
   scenarios.forEach((scenario, i) => Object.assign(scenario.settings, changes[i]));
@@ -263,6 +310,38 @@ async function choose(name, key) {
     state = before;
   }
   build();
+}
+
+// The figure that the mass follows.
+async function follow(figure) {
+  try {
+    if (figure) {
+      pointsOf(figure);
+    }
+  } catch (error) {
+    problem(error.message);
+    build();
+    return;
+  }
+  state.figure = figure;
+  await restart();
+  build();
+}
+
+// Runs a text of the visitor's in B, unless A is theirs.
+async function runCode(text) {
+  allowed.add(text);
+  state.code = text;
+  if (!runs().some((run) => state[run] === YOURS)) {
+    state.b = YOURS;
+    state.own.b = {};
+  }
+  problem("");
+  const begun = await restart();
+  build(!begun);
+  if (begun) {
+    play();
+  }
 }
 
 const refreshed = [];
@@ -300,7 +379,8 @@ function remember() {
 
 // -- Controls
 
-function build() {
+// keepsNote: the editor shows an error.
+function build(keepsNote = failed) {
   refreshed.length = 0;
   const added = (field) => {
     refreshed.push(field);
@@ -324,7 +404,14 @@ function build() {
     const chosen = link.hash === `#${state.preset}`;
     chosen ? link.setAttribute("aria-current", "true") : link.removeAttribute("aria-current");
   }
-  $("out").querySelectorAll("button")[B_AS_TOML].disabled = state.b === NO_LAW;
+  const buttons = $("out").querySelectorAll("button");
+  RUNS.forEach((run, i) => (buttons[A_AS_TOML + i].disabled = [NO_LAW, YOURS].includes(state[run])));
+  $("drawing").hidden = Boolean(data.own);
+  drawing.show(state.figure, figure);
+  $("own").open ||= runs().some((run) => state[run] === YOURS);
+  if (!keepsNote) {
+    editor.show(state.code, allowed.has(state.code) ? "" : UNREAD);
+  }
   $("window").value = state.window;
   $("plot").value = state.plot;
   arrange();
@@ -352,9 +439,7 @@ function details(words, names, run, added) {
 }
 
 function ownFields(run, added) {
-  const names = settingNames(data, kindOf(data, state, run)).filter(
-    (name) => isOffered(data, name) && !isShared(name),
-  );
+  const names = offeredNames(data, state, run).own;
   const order = "controller.order";
   const fields = [];
   if (names.includes(order)) {
@@ -376,8 +461,7 @@ function ownFields(run, added) {
 
 function sharedFields(added) {
   const noise = "disturbance.standard_deviation";
-  const all = settingNames(data, kindOf(data, state, "a"));
-  const names = all.filter((name) => isOffered(data, name) && isShared(name));
+  const names = offeredNames(data, state, "a").shared;
   const usual = data.base.settings[noise] > 0 ? Math.round(Math.log10(data.base.settings[noise])) : 0;
   const quiet = usual - 2.02; // the slider's position of no noise
   const several = (of) => Object.keys(of).length > 1;
@@ -594,7 +678,8 @@ function at(run, channel) {
 }
 const cursorBin = (run) =>
   Math.max(history.first(run), Math.min(history.count(run) - 1, Math.max(0, history.at(cursor))));
-const shownTime = () => (cursor === null ? milliseconds(sample - 1) : history.time(Math.max(0, cursorBin(0))));
+const shownTime = () =>
+  cursor === null ? milliseconds(Math.max(0, sample - 1)) : history.time(Math.max(0, cursorBin(0)));
 
 // Over the time shown.
 function shownRms(run, channel) {
@@ -658,6 +743,11 @@ function spoken() {
 // -- Frames
 
 const scene = new Scene($("scene"));
+const drawing = new Drawing(follow);
+const editor = new Editor(runCode);
+const UNREAD =
+  "This function came with the address; until you run it, the example runs in its place. It cannot send anything " +
+  "anywhere, but read it first.";
 let [frameBefore, shownAt, spokenAt, viewedAt] = [0, 0, 0, 0];
 
 function frame(now) {
@@ -683,6 +773,7 @@ function frame(now) {
     }
     const seenRate = degrees() * valueOf("plant.angular_rate", "a");
     const turned = (Number.isFinite(points[0][place.rate]) ? points[0][place.rate] : seenRate) / Number($("rate").max);
+    drawing.draw(theme);
     scene.draw(history, seenPoints(), figure, theme, turned);
     if (!(playing || busy) || now - shownAt >= SHOWN_EVERY) {
       shownAt = now;
@@ -777,7 +868,7 @@ function save(blob, name) {
   setTimeout(() => URL.revokeObjectURL(url), 1000);
 }
 
-const B_AS_TOML = 3;
+const A_AS_TOML = 2; // B follows
 function buildOut() {
   const button = (words, act) => element("button", { type: "button", onclick: act }, words);
   const both = (words) => runs().map((run) => words(data, state, run));
@@ -826,6 +917,10 @@ function listen() {
     dirty = true;
     remember();
   });
+  $("example").addEventListener("click", () => editor.show(EXAMPLE, ""));
+  for (const event of ["pointermove", "pointerup", "toggle"]) {
+    $("drawing").addEventListener(event, () => (dirty = true), true);
+  }
   document.addEventListener("keydown", onKey);
   $("plot-list").addEventListener("keydown", onArrow);
   $("plot-list").addEventListener("blur", () => moveCursor(null));
@@ -888,7 +983,7 @@ function showRanges() {
 async function fromAddress() {
   let why = "";
   try {
-    state = fromHash(all, pages, location.hash);
+    state = fromHash(all, pages, location.hash, state?.code);
   } catch (error) {
     why = error.message;
     state = stateOf(pages[0]);
@@ -908,8 +1003,10 @@ async function main() {
   all = JSON.parse(new TextDecoder().decode(await unpacked("data")));
   pages = all.presets ?? presets;
   readTheme();
+  const source = new Blob([await unpacked("worker")], { type: "text/javascript" });
+  workerSource = URL.createObjectURL(source);
+  wasm = await unpacked("module");
   await startWorker();
-  await ask("load", { wasm: await unpacked("module"), data: all });
   $("presets").append(
     ...pages.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),
   );

@@ -1,7 +1,9 @@
 // The presets of the page: two controllers, settings, and one sentence, which tests/python/test_live.py checks on runs.
 // #key is the preset's address. `gyroscope`: another than the paper's. `shared`: settings of both runs; `own`: settings
-// of one. `plot`: the large one. `reverses`: when the page reverses the rate by itself, and how often, ms, until the
-// visitor moves it.
+// of one. `figure`: the drawn reference. `plot`: the large one. `reverses`: when the page reverses the rate by itself,
+// and how often, ms, until the visitor moves it.
+import { FIGURES } from "./figure.mjs";
+
 export const presets = [
   {
     key: "follow",
@@ -85,6 +87,25 @@ export const presets = [
     b: "corrected",
     own: { b: { "controller.order": 1 } },
     plot: "error",
+  },
+  {
+    key: "draw",
+    title: "Draw the motion",
+    sentence:
+      "The mass follows any closed figure, a heart here: from it, least squares (A) know the rate to 10 rad/s after " +
+      "10 ms, and the corrected law (B) not to 100 after 30. Draw another one below the gyroscope.",
+    a: "least_squares",
+    b: "corrected",
+    figure: FIGURES.heart,
+  },
+  {
+    key: "your-own",
+    title: "Your own function",
+    sentence:
+      "A dozen lines of JavaScript (B) know the rate to 20 rad/s after 10 ms; the corrected law (A) is off by 200 " +
+      "for 10 more. Change them under Settings, and run them.",
+    a: "corrected",
+    b: "yours",
   },
   {
     key: "allan",

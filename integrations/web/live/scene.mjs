@@ -155,6 +155,13 @@ function drawRate(context, angle, theme, pixel) {
   context.lineTo(...on(ARC + 0.11, end));
   context.lineTo(...on(ARC - 0.11, end));
   context.fill();
+  context.save();
+  context.translate(-0.2 * way, ARC - 0.2);
+  context.scale(pixel, -pixel);
+  context.font = "15px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.fillText("Ω", 0, 0);
+  context.restore();
 }
 
 // A motion that leaves the frame is drawn at its edge.
@@ -192,25 +199,43 @@ function pathOf(history, run, name, begin) {
   );
 }
 
+const isOf = (kind, { settings }) => [0, 1].every((axis) => settings[`reference.kind[${axis}]`] === kind);
+
+// The sines of each axis, [amplitude, frequency, phase], of a reference of one sine or of a sum of them; null for any
+// other.
+function sinesOf(scenario) {
+  const { settings, reference } = scenario;
+  if (isOf("sines", scenario)) {
+    const { terms } = reference;
+    const starts = Array.from({ length: terms.length / 6 }, (_, i) => 6 * i);
+    return [0, 1].map((axis) => starts.map((at) => [0, 2, 4].map((which) => terms[at + which + axis])));
+  }
+  const names = ["amplitude", "frequency", "phase"];
+  return isOf("sine", scenario)
+    ? ["x", "y"].map((axis) => [names.map((name) => settings[`reference.${name}.${axis}`])])
+    : null;
+}
+
 // The longest period of the axes of a reference of sines, units of time; 1 for any other.
-export function periodOf({ settings }) {
-  const slowest = Math.min(
-    ...["x", "y"].map((axis) => Math.abs(settings[`reference.frequency.${axis}`]) || Infinity),
-  );
+export function periodOf(scenario) {
+  const frequencies = (sinesOf(scenario) ?? []).flat().map(([, frequency]) => Math.abs(frequency) || Infinity);
+  const slowest = Math.min(...frequencies);
   return Number.isFinite(slowest) ? (2 * Math.PI) / slowest : 1;
 }
 
 // A reference of sines from its settings, for as long as a figure takes; null for any other, which has no period.
 export function figureOf(scenario) {
-  const { settings } = scenario;
-  if ([0, 1].some((axis) => settings[`reference.kind[${axis}]`] !== "sine")) {
+  const sines = sinesOf(scenario);
+  if (sines === null) {
     return null;
   }
   const at = (time) =>
-    ["x", "y"].map((axis) => {
-      const of = (name) => settings[`reference.${name}.${axis}`];
-      return of("offset") + of("amplitude") * Math.sin(of("frequency") * time + of("phase"));
-    });
+    sines.map((terms, axis) =>
+      terms.reduce(
+        (sum, [amplitude, frequency, phase]) => sum + amplitude * Math.sin(frequency * time + phase),
+        scenario.settings[`reference.offset.${"xy"[axis]}`],
+      ),
+    );
   const period = periodOf(scenario);
   return Array.from({ length: 201 }, (_, i) => at((i * period) / 200));
 }

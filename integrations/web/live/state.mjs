@@ -1,8 +1,13 @@
 // State of the page: two controllers and the changes of their settings. The simulated scenarios, the address, and the
 // scenario as a command or as TOML are derived from it.
+import { EXAMPLE } from "./example.mjs";
+import { pointsOf, seriesOf } from "./figure.mjs";
 
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
+export const YOURS = "yours"; // the visitor's function
+// The settings that it has: those of the loop around it.
+const OF_YOURS = ["controller.force_limit", "controller.observer_bandwidth"];
 export const LARGE = ["rate", "error", "force", "estimates", "spectrum", "allan"]; // plots that can be large
 const SHARED = ["plant", "reference", "disturbance", "run"];
 // Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
@@ -27,6 +32,8 @@ export function stateOf(preset) {
     speed: preset.speed ?? 7,
     window: preset.window ?? 20,
     peaks: preset.peaks ?? false,
+    figure: preset.figure ?? "", // points of a drawn reference; "": the gyroscope's own
+    code: EXAMPLE,
     shared: { ...preset.shared },
     own: { a: { ...preset.own?.a }, b: { ...preset.own?.b } },
   };
@@ -45,6 +52,14 @@ export function settingNames(data, kind) {
   return [...data.besides, ...data.kinds[kind].numbers.filter((name) => name in data.fields)];
 }
 
+// Names of the settings that the page offers for a run itself, and for both.
+export function offeredNames(data, state, run) {
+  const names = settingNames(data, kindOf(data, state, run)).filter((name) => isOffered(data, name));
+  const own = names.filter((name) => !isShared(name));
+  const shared = names.filter((name) => isShared(name) && !(state.figure && tableOf(name) === "reference"));
+  return { own: state[run] === YOURS ? own.filter((name) => OF_YOURS.includes(name)) : own, shared };
+}
+
 // The scenario that the module simulates.
 export function scenarioOf(data, state, run) {
   const settings = {
@@ -57,15 +72,34 @@ export function scenarioOf(data, state, run) {
   const known = settingNames(data, kindOf(data, state, run));
   const own = Object.fromEntries(known.map((name) => [name, settings[name]]));
   const device = data.devices[`${state.rate} ${state.sensors}`];
-  const { scales, length, reference, disturbance } = data.base;
+  const { scales, length, disturbance } = data.base;
+  const reference = state.figure ? drawn(data, state, own) : data.base.reference;
   const assumed = Object.fromEntries(
     Object.entries(data.base.assumed).map(([name, usual]) => [name, settings[`datasheet.${name}`] ?? usual]),
   );
   const { degrees } = data; // unit of the rates shown
-  const given = Object.entries({ length, device, reference, disturbance, assumed, degrees }).filter(
+  const yours = state[run] === YOURS;
+  const given = Object.entries({ length, device, reference, disturbance, assumed, degrees, yours }).filter(
     ([, each]) => each,
   );
   return { settings: own, scales, ...Object.fromEntries(given) };
+}
+
+// Takes the drawn figure as the reference into the settings; returns its terms. It lasts as long as the slowest motion
+// of the gyroscope's own reference.
+function drawn(data, state, settings) {
+  for (const [name, value] of Object.entries(data.base.settings)) {
+    if (tableOf(name) === "reference") {
+      settings[name] = value;
+    }
+  }
+  const frequencies = ["x", "y"].map((axis) => Math.abs(settings[`reference.frequency.${axis}`]));
+  const { mean, terms } = seriesOf(pointsOf(state.figure), Math.min(...frequencies));
+  mean.forEach((offset, axis) => {
+    settings[`reference.kind[${axis}]`] = "sines";
+    settings[`reference.offset.${"xy"[axis]}`] = offset;
+  });
+  return { terms, rows: [] };
 }
 
 // -- The address
@@ -85,10 +119,13 @@ function parsed(field, text) {
 export function toHash(presets, state) {
   const preset = stateOf(presets.find(({ key }) => key === state.preset));
   const words = new URLSearchParams();
-  for (const name of ["a", "b", "rate", "sensors", "plot", "speed", "window", "peaks"]) {
+  for (const name of ["a", "b", "rate", "sensors", "plot", "speed", "window", "peaks", "figure"]) {
     if (state[name] !== preset[name]) {
       words.set(name, state[name]);
     }
+  }
+  if (state.code !== preset.code && RUNS.some((run) => state[run] === YOURS)) {
+    words.set("code", state.code);
   }
   const changed = (settings, before, prefix) => {
     for (const [name, value] of Object.entries(settings)) {
@@ -103,16 +140,17 @@ export function toHash(presets, state) {
   return `#${state.preset}${rest ? `&${rest}` : ""}`;
 }
 
-// Throws RangeError, in one sentence, for what no page can show. Ranges of settings are checked where they are used.
-export function fromHash(all, presets, hash) {
+// `code`: the visitor's function, if the address has none. Throws RangeError, in one sentence, for what no page can
+// show. Ranges of settings are checked where they are used.
+export function fromHash(all, presets, hash, code = EXAMPLE) {
   const [key, ...rest] = hash.replace(/^#/, "").split("&");
-  const state = stateOf(chosen(presets, "preset", key || presets[0].key));
+  const state = { ...stateOf(chosen(presets, "preset", key || presets[0].key)), code };
   const data = dataOf(all, presets, state);
   for (const [name, text] of new URLSearchParams(rest.join("&"))) {
     take(data, state, name, text);
   }
   RUNS.filter((run) => state[run] !== NO_LAW).forEach((run) => {
-    const known = settingNames(data, kindOf(data, state, run));
+    const known = offeredNames(data, state, run).own;
     const foreign = Object.keys(state.own[run]).find((name) => !known.includes(name));
     if (foreign) {
       throw new RangeError(`${run}.${foreign} is not a setting of ${data.laws[state[run]].label}`);
@@ -145,6 +183,17 @@ function take(data, state, name, text) {
       throw new RangeError(`${name} is ${text}: it must be one of ${choices[name].join(", ")}`);
     }
     state[name] = { window: Number, peaks: (word) => word === "true" }[name]?.(text) ?? text;
+    return;
+  }
+  if (name === "code") {
+    state.code = text;
+    return;
+  }
+  if (name === "figure" && !data.own) {
+    state.figure = text;
+    if (text) {
+      pointsOf(text);
+    }
     return;
   }
   if (name === "speed") {
@@ -194,6 +243,9 @@ function differing(data, state, run, defaults) {
     found.set("disturbance.standard_deviation", toml(settings["disturbance.standard_deviation"]));
     found.set("disturbance.density", ""); // not set: noise has one of the two
   }
+  if (state.figure) {
+    found.set("reference.terms", termsOf(scenarioOf(data, state, run).reference.terms));
+  }
   for (const changes of [data.rates[state.rate].scenario, data.sensors[state.sensors].scenario]) {
     Object.entries(changes).forEach(([path, value]) => found.set(path, toml(value)));
   }
@@ -213,12 +265,23 @@ function parts(path, settings) {
   return `[${places.map((name) => toml(settings[name])).join(", ")}]`;
 }
 
+function termsOf(numbers) {
+  const terms = Array.from({ length: numbers.length / 6 }, (_, i) => {
+    const pair = (at) => `[${numbers.slice(6 * i + at, 6 * i + at + 2).join(", ")}]`;
+    return `{amplitude = ${pair(0)}, frequency = ${pair(2)}, phase = ${pair(4)}}`;
+  });
+  return `[${terms.join(", ")}]`;
+}
+
 function toml(value) {
   return typeof value === "string" ? JSON.stringify(value) : word(value);
 }
 
 // `fracgyro simulate` of a run.
 export function toCommand(data, state, run) {
+  if (state[run] === YOURS) {
+    return `# run ${run.toUpperCase()} is a function of this page; simulate --controller takes one in Python`;
+  }
   const { own } = data;
   const changes = differing(data, state, run, own ? ofFile(data, state, run) : data.defaults.command);
   if (own) {

@@ -1,15 +1,18 @@
 // Runs the loops apart from the page: one or two, sample by sample, on the same noise.
 //
 // Messages are answered one after another: { is: "load" | "start" | "advance" | "set" | "kick" | "csv", id, … } by the
-// same with what was found, or with the sentence of a `problem`.
+// same with what was found, or with the sentence of a `problem`, and the `line` of the visitor's function.
 import { load } from "../fracgyro.mjs";
 import { CHANNELS, PER_CHANNEL, channelsOf } from "./channels.mjs";
+import { failureOf, lawOf, plantOf } from "./law.mjs";
 
 const KEPT = 8192; // rows of a run for the CSV file, one of each bin
 
 let fracgyro;
 let runs = [];
 let binSamples = 1;
+let code = ""; // the visitor's function
+let failed = false; // it has ended the run: the loop cannot continue
 
 class Run {
   #scenario;
@@ -101,9 +104,15 @@ const answer = {
   },
 
   // step: the one that the numbers of a device are for.
-  async start({ scenarios, bin, step }) {
-    const started = ({ settings, ...rest }) =>
-      fracgyro.loop({ ...rest, settings: { ...settings, "run.step": step } }, { "run.step": settings["run.step"] });
+  async start({ scenarios, bin, step, code: text }) {
+    code = text;
+    failed = false;
+    const started = async (scenario) => {
+      const { settings, yours, ...rest } = scenario;
+      const stated = { ...rest, settings: { ...settings, "run.step": step } };
+      const law = yours ? lawOf(code, plantOf(scenario)) : undefined;
+      return fracgyro.loop(stated, { "run.step": settings["run.step"] }, { law });
+    };
     const loops = await Promise.all(scenarios.map(started));
     runs = loops.map((loop, i) => new Run(scenarios[i], loop));
     binSamples = bin;
@@ -111,12 +120,17 @@ const answer = {
   },
 
   advance({ first, samples }) {
+    failed = true; // unless all goes well
     const found = runs.map((run) => run.advance(first, samples));
+    failed = false;
     return { samples, found, diverged: runs.map((run) => run.diverged) };
   },
 
   // Changes of each run: all of them or none.
   set({ changes }) {
+    if (failed) {
+      return; // the page starts again
+    }
     const back = [];
     try {
       runs.forEach((run, i) => back.push(run.set(changes[i])));
@@ -127,7 +141,9 @@ const answer = {
   },
 
   kick({ velocity }) {
-    runs.forEach((run) => run.kick(velocity));
+    if (!failed) {
+      runs.forEach((run) => run.kick(velocity));
+    }
   },
 
   // History from that sample on, one row for each bin.
@@ -151,7 +167,7 @@ onmessage = ({ data: message }) => {
     try {
       postMessage({ is, id, ...(await answer[is](message)) });
     } catch (error) {
-      postMessage({ is, id, problem: error.message });
+      postMessage({ is, id, ...(failureOf(error, code) ?? { problem: error.message }) });
     }
   });
 };

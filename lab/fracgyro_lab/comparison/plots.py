@@ -23,6 +23,8 @@ LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of the margins a
 MARKERS = "osD^v<>PXph*"
 MARKED = 4  # best contenders of each table, which have a color
 OTHERS = "#b9c2c8"
+# More than the marked contenders and the conditions: no color stands for two.
+PALETTE = (*mpl.color_sequences["Dark2"], "#3f90da", "#bd1f01", "#832db6", "#5b8c00", "#00798c", "#4b3f2f")
 MAX_SPAN = 300.0  # ratio of the ends of a front's axis of errors; points farther from the best are not drawn
 PLANT = "#b8c4cc"
 SAMPLER = "#7a868e"
@@ -73,9 +75,7 @@ class Fronts:
                 ranked = sorted((row for row in here if row["ceiling"] == ceiling), key=_error)
                 best |= dict.fromkeys(row["name"] for row in ranked[:MARKED])
         names = [name for name in _names(rows) if name in best]
-        self._looks = dict(
-            zip(names, zip(cycle(mpl.color_sequences["Dark2"]), cycle(MARKERS), strict=False), strict=False)
-        )
+        self._looks = dict(zip(names, zip(cycle(PALETTE), cycle(MARKERS), strict=False), strict=False))
         self._limits = {_sensing(limit): limit for limit in limits}
         self._others = len(_names(rows)) > len(names)
 
@@ -152,7 +152,7 @@ class Robustness:
     """Ratio of the error under each condition and on each plant to the nominal error."""
 
     def __init__(self, conditions: Sequence[str]) -> None:
-        looks = zip(MARKERS, cycle(mpl.color_sequences["Dark2"]), strict=False)
+        looks = zip(MARKERS, PALETTE, strict=False)
         self._looks = dict(zip(conditions, looks, strict=False))
 
     def panel(self, title: str, rows: Sequence[Row]) -> Figure:

@@ -13,12 +13,10 @@ from .errata import ERRATA, Erratum
 
 HEAD = f"""# Errata of the paper
 
-Made by `python -m fracgyro_lab.paper.errata_page > docs/errata.md` from `lab/fracgyro_lab/paper/errata.py`.
-
 The paper has {len(ERRATA)} errata known to us. Equation numbers are its own. The first three change what is computed:
 they are the switches between the paper as printed and as corrected. Evidence is the reason itself, an identity that a
 program checks, or runs, whose numbers are in the report of `fracgyro reproduce`. A field chooses the reading, or deals
-with the erratum.
+with the erratum. Made by `python -m fracgyro_lab.paper.errata_page > docs/errata.md`.
 """
 COLUMNS = ("where", "as printed", "correct", "reason", "evidence", "field")
 

@@ -11,6 +11,7 @@ import gzip
 import json
 import os
 import re
+import string
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -30,6 +31,8 @@ from .web import BESIDES, build, build_module, document, module_data
 
 FACE = SOURCES / "integrations/web"
 OWN_LAW = "own"
+YOURS = "yours"  # a function of the visitor's; settings around it are those of a controller that it replaces
+YOUR_LABEL = "a function of your own"
 OF_LAWS = ("controller", "adaptation", "datasheet")  # tables that belong to a controller
 
 SPEEDS = {"minimum": 0.1, "maximum": 40.0}  # ms a second
@@ -111,6 +114,7 @@ def scenario_data(
         if other != kind and (changes := _changes_to_kind(scenario, other)):
             found[other] = (f"{other.replace('_', ' ')}: {meaning}", changes)
     found |= more or {}
+    found[YOURS] = (YOUR_LABEL, {"controller.filter": "none"})
     laws = {key: (label, scenario.replace(changes), changes) for key, (label, changes) in found.items()}
     step = scenario.run.step
     unit = 1e3 * scenario.plant.scales.time  # the unit of time, ms
@@ -207,7 +211,7 @@ def page_data() -> dict[str, Any]:
         "base": {"settings": shared, "scales": base["scales"], "assumed": base["assumed"]},
         "laws": {
             key: {"label": label, "settings": _settings(scenario, OF_LAWS)}
-            for key, (label, scenario) in all_laws.items()
+            for key, (label, scenario) in {**all_laws, YOURS: (YOUR_LABEL, all_laws["pid"][1])}.items()
         },
         "rates": {key: {"label": label, "scenario": changes} for key, (label, changes) in RATES.items()},
         "sensors": {
@@ -259,8 +263,14 @@ def page(data: dict[str, Any], wasm: Path) -> str:
     return text
 
 
+# Those of base 85 that HTML takes for themselves, as in boot.js, in place of Python's.
+PYTHONS = string.digits + string.ascii_uppercase + string.ascii_lowercase + "!#$%&()*+-;<=>?@^_`{|}~"
+DIGITS = "".join(chr(code) for code in range(ord("!"), ord("~") + 1) if chr(code) not in "\"&'<>\\`{}")
+OURS = str.maketrans(PYTHONS, DIGITS)
+
+
 def packed(content: bytes) -> str:
-    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+    return base64.b85encode(gzip.compress(content, 9, mtime=0)).decode().translate(OURS)
 
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "(\./|\.\./)([\w.]+)";\n', re.MULTILINE)

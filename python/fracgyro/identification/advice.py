@@ -85,29 +85,29 @@ def advice(found: Results) -> tuple[Advice, ...]:
         then = _halves(found, problem, start)
         listed.append(Advice(name, words, {each: (now.get(each, math.inf), half) for each, half in then.items()}))
 
-    again = _seen(fit, unit, [_information(fit, _decay(fit, i)) for i in range(len(fit.segments))])
-    add("repeat", "the same again", [_group(again, state.rate)])
+    again = _seen(fit, unit, [_information(fit, _decay(fit, i)) for i in range(len(fit.segments))], state.rate)
+    add("repeat", "the same again", [again])
     for i, axis in enumerate("xy"):
         start = np.zeros(4)
         start[i] = float(np.abs(one.start).max())
-        further = _seen(fit, unit, [_information(fit, replace(one, start=start))])
-        add(f"start {axis}", f"a decay of {length:.3g} s that starts along {axis}", [_group(further, state.rate)])
+        further = _seen(fit, unit, [_information(fit, replace(one, start=start))], state.rate)
+        add(f"start {axis}", f"a decay of {length:.3g} s that starts along {axis}", [further])
     longer = 2 * one.samples
     if longer * one.interval < 2 * math.pi * MOST_PERIODS:
         information = [
             _information(fit, replace(_decay(fit, i), samples=2 * _decay(fit, i).samples))
             for i in range(len(fit.segments))
         ]
-        longest = _group(_seen(fit, unit, information), state.rate)
+        longest = _seen(fit, unit, information, state.rate)
         # The fit's own interval over the bound that is computed here: the band, and noise that is not white.
-        loss = float(np.mean(np.diag(groups[place].covariance) / np.diag(_group(again, state.rate).covariance)))
+        loss = float(np.mean(np.diag(groups[place].covariance) / np.diag(again.covariance)))
         instead = [replace(longest, covariance=loss * longest.covariance) if i == place else each
                    for i, each in enumerate(groups)]  # fmt: skip
         add("longer", f"records twice as long, {2 * length:.3g} s", [], instead)
     turn = -math.copysign(TURN, value.get("rate", max(device.problem.known, key=abs, default=-1.0)))
     turned = _turned(fit, unit, parameters, names, turn)
     add("known rate", f"a decay of {length:.3g} s on a turntable at {math.degrees(turn):g} deg/s",
-        [_group(_seen(turned, unit, [_information(turned, one)]), turn)])  # fmt: skip
+        [_seen(turned, unit, [_information(turned, one)], turn)])  # fmt: skip
     quieter = [Group(each.parameters, each.covariance / 4, each.rate, each.drives) for each in groups]
     add("amplitude", "twice the amplitude, or half the noise, if the device stays linear", [], quieter)
     share = _rounding(fit)
@@ -213,11 +213,14 @@ def _information(fit: Fitted, decay: FreeDecay) -> Array:
     return information(fit.shape, fit.fit.parameters, decay)
 
 
-def _seen(fit: Fitted, unit: float, parts: Sequence[Array]) -> Array:
-    """The sum of information, of parameters in units of the second stage's omega0."""
+def _seen(fit: Fitted, unit: float, parts: Sequence[Array], rate: float | None) -> Group:
+    """Records with the sum of this information, in units of the second stage's omega0."""
     turn = fit.unit / unit
     scale = np.array([turn**2] * 4 + [turn] * 4)
-    return np.asarray(sum(parts) / np.outer(scale, scale))
+    found = sum(parts) / np.outer(scale, scale)
+    norms = np.sqrt(np.maximum(np.diag(found), np.finfo(float).tiny))
+    covariance = np.linalg.pinv(found / np.outer(norms, norms), rcond=1e-14, hermitian=True)
+    return Group(scale * fit.fit.parameters[:8], covariance / np.outer(norms, norms), rate)
 
 
 def _turned(fit: Fitted, unit: float, parameters: Array, names: Sequence[str], rate: float) -> Fitted:
@@ -227,12 +230,6 @@ def _turned(fit: Fitted, unit: float, parameters: Array, names: Sequence[str], r
     seen = problem.predicted(np.array([value.get(each, 0.0) for each in problem.names]))
     turn = unit / fit.unit
     return replace(fit, fit=replace(fit.fit, parameters=seen * np.array([turn**2] * 4 + [turn] * 4)))
-
-
-def _group(information: Array, rate: float | None) -> Group:
-    norms = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    covariance = np.linalg.pinv(information / np.outer(norms, norms), rcond=1e-14, hermitian=True)
-    return Group(np.zeros(8), covariance / np.outer(norms, norms), rate)
 
 
 # -- Intervals ---------------------------------------------------------------------------------------------------------

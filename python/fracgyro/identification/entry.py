@@ -7,6 +7,7 @@ files -> columns (reading.py) -> segments without faults (faults.py)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -192,7 +193,7 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
 def _delay(fits: list[tuple[State, Fitted | SweepFit]]) -> dict[str, Quantity]:
     """The delay of the force of the first forced record."""
     for _, fit in fits:
-        if isinstance(fit, Fitted) and fit.delay is not None:
+        if isinstance(fit, Fitted) and fit.delay is not None and math.isfinite(fit.delay.deviation):
             value, half = fit.delay.seconds, NORMAL * fit.delay.deviation * fit.delay.interval
             words = f"{fit.delay.samples + fit.delay.fraction:.4g} samples"
             return {"delay": Quantity("delay", value, (value - half, value + half), "s", note=words)}

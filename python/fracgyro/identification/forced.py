@@ -30,7 +30,10 @@ DIFFERENCE = 1e-4  # step of the derivative, in intervals
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of the force: whole samples, a fraction of the interval and its deviation, and the interval, s."""
+    """Delay of the force: whole samples, a fraction of the interval and its deviation, and the interval, s.
+
+    The deviation is infinite if the force moves nothing.
+    """
 
     samples: int
     fraction: float
@@ -43,7 +46,8 @@ class Delay:
 
     def plain(self) -> dict[str, Any]:
         """The delay as JSON."""
-        return {"samples": self.samples, "fraction": self.fraction, "deviation": self.deviation}
+        known = math.isfinite(self.deviation)
+        return {"samples": self.samples, "fraction": self.fraction, "deviation": self.deviation if known else None}
 
 
 def delayed(segment: Segment, delay: int) -> Segment:
@@ -89,7 +93,8 @@ def fractional(
         whiten = weights(noise, thermal_spectra(shape, found, unit, fit.parameters) if noise.is_thermal else None)
     column, jacobian = _by_fraction(shape, found, unit, fit.parameters, whiten)
     rest = column - jacobian @ np.linalg.lstsq(jacobian, column, rcond=None)[0]
-    deviation = 1 / float(np.linalg.norm(rest))
+    size = float(np.linalg.norm(rest))
+    deviation = 1 / size if size > 0 else math.inf  # the force moves nothing
     if fraction > 0:
         norms = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
         shift = np.linalg.lstsq(jacobian / norms, column, rcond=None)[0] / norms

@@ -54,8 +54,8 @@ def characterise(
     outputs or too many steps, and a run that diverges within the range; also the errors that `simulate` raises for a
     controller.
 
-    >>> short = fg.Scenario.paper().replace({"run.duration": 20.0})
-    >>> figures = fg.rate.characterise(short, "sensor", quick=True, rest=0.05)
+    >>> short = fg.Scenario.paper().replace({"run.duration": 4.0})
+    >>> figures = fg.rate.characterise(short, "sensor", quick=True, rest=0.01)
     >>> [figure.name for figure in figures][:2]
     ['Scale factor error', 'Non-linearity']
     """

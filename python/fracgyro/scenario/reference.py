@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -33,10 +34,10 @@ from .to_core import core_setup
 
 HEAD = """# Scenario reference
 
-Made by `python -m fracgyro.scenario.reference > docs/reference.md` from what the core and the tables of a scenario say
-of themselves. The unit of time is 1/omega0, of length q0, of mass m: `plant.reference_frequency`,
-`plant.reference_length` and `plant.mass`; h is `run.step`. [EQUATIONS.md](../EQUATIONS.md) has the equations in which
-the fields stand.
+Every field of a scenario with its unit, range, default and meaning, and every variable of a run. The unit of time is
+1/omega0, of length q0, of mass m: `plant.reference_frequency`, `plant.reference_length` and `plant.mass`; h is
+`run.step`. [EQUATIONS.md](../EQUATIONS.md) has the equations in which the fields stand. Made by
+`python -m fracgyro.scenario.reference > docs/reference.md` from the core and the tables of a scenario.
 """
 FIELDS = ("field", "unit", "range", "default", "meaning")
 VARIABLES = ("variable", "unit", "parts", "meaning")
@@ -60,7 +61,7 @@ def _scenario() -> Iterator[str]:
         for field, said in schema["properties"].items():
             groups.setdefault(_having(name, field), []).append(_field(name, field, said, table))
         for kinds, rows in groups.items():
-            yield from [f"Of {', '.join(kinds)}:", ""] if kinds else []
+            yield from [*textwrap.wrap(f"Of {', '.join(kinds)}:", 120), ""] if kinds else []
             yield from rows_of(FIELDS, rows)
 
 

@@ -22,9 +22,9 @@ from .tune.plan import Tune, TuningFile
 
 HEAD = """# Study files
 
+Every key of the files of sweeps and tunings, with its range and default. [Studies and tuning](studies.md) shows how to
+use them; [examples](../examples) has complete ones. Fields of a scenario are in [their own reference](reference.md).
 Made by `python -m fracgyro.study.reference > docs/study_files.md` from the models that read the files.
-[Studies and tuning](studies.md) shows how to use them; [examples](../examples) has complete ones. Fields of a scenario
-are in [their own reference](reference.md).
 """
 KEYS = ("key", "unit", "range", "default", "meaning")
 
