@@ -14,6 +14,7 @@
 # make logs-current     fail if a log is older than its sources
 # make pages       update the numbers of README.md and docs/ from the logs
 # make compare     compare the controllers, in full; into benchmarks/results/compare_*.md
+# make zoo         run the published laws of the zoo, in full; into benchmarks/results/zoo.md
 # make board       write the page of the board, build/board/index.html, from the entries in lab/board
 # make article     typeset the replication article; into build/article/article.pdf
 # make docs        build the documentation site, into build/site
@@ -52,7 +53,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce built test test-quick test-nightly test-machines lint check cpp-test check-deep check-sanitized \
-  fuzz-firmware mutants test-core test-python web live bench bench-behind logs-current pages compare board article \
+  fuzz-firmware mutants test-core test-python web live bench bench-behind logs-current pages compare zoo board article \
   docs wheel lock setup-test setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
@@ -150,6 +151,10 @@ lock: $(BIN)/pip
 # Resumes the results in build/compare. ARGS="track": only that task. ARGS="--quick": the logs are marked as untuned.
 compare: .venv/installed-test
 	$(BIN)/python lab/compare.py $(ARGS)
+
+# Resumes the results in build/zoo. ARGS="--quick": the log is marked as untuned.
+zoo: .venv/installed-test
+	$(BIN)/python lab/zoo.py $(ARGS)
 
 # The entries are made by `fracgyro enter`; no law runs here.
 board: .venv/installed-test

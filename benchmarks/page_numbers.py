@@ -903,6 +903,41 @@ FPGA: dict[str, Callable[[], str]] = {
     "fpga.paper_programs": lambda: cell("fpga", "programs", controller="paper", **{"computes in": "float"}),
 }
 
+# -- docs/zoo.md -------------------------------------------------------------------------------------------------------
+
+PART, WITH = "part", "error with it over that without, in noise"
+
+
+def zoo_parts() -> Rows:
+    """The effect of parts of laws, in noise and without."""
+    return [[row[PART], row[WITH], row["without noise"]] for row in logs.rows("zoo", PART)]
+
+
+def zoo_code() -> Rows:
+    """The runs of the public code, error by error."""
+    heads = ("run", "RMS of e_x after t = 5", "of e_y", "largest share of the bound", "leaves it at")
+    return [[row[head] for head in heads] for row in logs.rows("zoo", *heads)]
+
+
+def zoo_part(part: str) -> str:
+    return digits(cell("zoo", WITH, **{PART: part}))
+
+
+def zoo_law(entry: str, column: str) -> str:
+    """A number of the table of laws, by the name of an entry."""
+    (found,) = [row for row in logs.rows("zoo", "year", "Law") if f"({entry}," in row["Law"]]
+    return digits(found[column])
+
+
+ZOO = {
+    "zoo.held": lambda: said("zoo", r"papers (\d+) are “reproduced”"),
+    "zoo.verdicts": lambda: said("zoo", r"Of (\d+) verdicts on claims"),
+    "zoo.nodes": lambda: zoo_part("16 Gaussian nodes instead of one constant node"),
+    "zoo.observer": lambda: said("zoo", r"is mostly rejected \| tuned \| [a-z ]+ \| the error is ([\d.]+) "),
+    "zoo.prediction": lambda: zoo_part("learning from a prediction, too"),
+    "zoo.prediction_delay": lambda: zoo_law("2020_composite_learning", "Hidden delay"),
+}
+
 TABLES: dict[str, Callable[[], Rows]] = {
     "real_electronics": real_electronics,
     "at_the_bound": at_the_bound,
@@ -916,6 +951,8 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "limit": limit,
     "near_limit": near_limit,
     "claims": claims,
+    "zoo_parts": zoo_parts,
+    "zoo_code": zoo_code,
     "performance": performance,
     "chooser": chooser,
     "tracking": tracking,
@@ -934,4 +971,13 @@ INSTALL: dict[str, Callable[[], str]] = {
     "install.processor": lambda: said("install", r"takes (\d+) s of processor time"),
     "install.seconds": lambda: said("install", r"processes, (\d+) s on this machine"),
 }
-NUMBERS: dict[str, Callable[[], str]] = {**INSTALL, **RATE_SENSOR, **FIRMWARE, **PAPER, **OVERVIEW, **COMPARE, **FPGA}
+NUMBERS: dict[str, Callable[[], str]] = {
+    **INSTALL,
+    **RATE_SENSOR,
+    **FIRMWARE,
+    **PAPER,
+    **OVERVIEW,
+    **COMPARE,
+    **FPGA,
+    **ZOO,
+}

@@ -40,6 +40,7 @@ PAGES = {
     "how-to/identify": "docs/identify.md",
     "how-to/compare": "docs/compare.md",
     "how-to/board": "docs/board.md",
+    "how-to/zoo": "docs/zoo.md",
     "how-to/limit": "docs/limit.md",
     "how-to/control": "docs/control.md",
     "how-to/operators": "docs/operators.md",

@@ -18,6 +18,7 @@ from fracgyro.scenario.to_core import core_setup
 from fracgyro_lab.paper import claims, runs
 from fracgyro_lab.paper.claims import CLAIMS, Material
 from fracgyro_lab.paper.step_cost import StepCost, time_steps
+from fracgyro_lab.verdicts import write_claims
 
 SEEDS = 20  # 19 of them are the 95 % in which something must hold
 AXES = {"window": ["whole", "transient", "steady"], "axis": ["x", "y"]}
@@ -358,7 +359,7 @@ def test_a_verdict_is_what_the_criterion_says_of_each_variant(monkeypatch: pytes
 
 def test_claims_are_written_as_they_are_worded(tmp_path: Path) -> None:
     claim = claims.Claim("a", "‖e‖ → 0", "printed", "reproduced", "‖e‖ < 1", "Ω̂z")
-    claims.write_claims([claim], tmp_path / "claims.json")
+    write_claims([claim], tmp_path / "claims.json")
     text = (tmp_path / "claims.json").read_text(encoding="utf-8")
     assert json.loads(text) == [asdict(claim)]
     assert '  "claim": "‖e‖ → 0",\n' in text

@@ -236,7 +236,7 @@ STUDY = [
     ["sweep", "tune"],
     ["", "json_schema", "reference"],
 ]
-LAB = [["comparison", "paper"], ["board"], ["", "commands"]]
+LAB = [["verdicts"], ["comparison", "paper"], ["board"], ["zoo"], ["", "commands"]]
 ROOMS = {"fracgyro": LIBRARY, "fracgyro.study": STUDY, "fracgyro_lab": LAB}
 
 

@@ -83,14 +83,12 @@ def _line(points: Points, across: _Axis, up: _Axis) -> str:
     return " ".join(f"{across.at(x):.1f},{up.at(y):.1f}" for x, y in points)
 
 
-def trace(entry: Entry, low: float, high: float) -> str:
+def trace(errors: Sequence[float | None], low: float, high: float) -> str:
     """The error of a run over time, logarithmic from `low` to `high`; it ends where the run diverged."""
     axis = _Axis([low, high], TRACE_HEIGHT - 1, 1)
-    last = len(entry.trace.error) - 1
+    last = len(errors) - 1
     points = [
-        (TRACE_WIDTH * place / last, axis.at(min(max(error, low), high)))
-        for place, error in enumerate(entry.trace.error)
-        if error
+        (TRACE_WIDTH * place / last, axis.at(min(max(error, low), high))) for place, error in enumerate(errors) if error
     ]
     line = " ".join(f"{x:.0f},{y:.1f}" for x, y in points)
     return (

@@ -11,6 +11,7 @@ from fracgyro.analysis.html import page
 from fracgyro.files import whole_file
 from fracgyro.scenario import ScenarioError
 
+from ..comparison.contender import Contender
 from ..comparison.track import HIGH, LOW, Track
 from . import trial
 from .chart import chart, trace
@@ -31,7 +32,7 @@ def write_page(folder: Path, out: Path, operations: Path | None = None) -> int:
     entries = {path.stem: read(path) for path in sorted(folder.glob("*.json"))}
     if not entries:
         raise ScenarioError(f"{folder} has no entries: they are JSON files of `fracgyro enter`")
-    counted = _operations(operations.read_text(encoding="utf-8")) if operations else {}
+    counted = counts(operations.read_text(encoding="utf-8")) if operations else {}
     rows = [_row(name, entry, folder, counted) for name, entry in entries.items()]
     rows.sort(key=lambda row: (row["error"] is None, not row["kept"], row["error"] or 0.0))
     tables = []
@@ -79,9 +80,9 @@ def _row(name: str, entry: Entry, folder: Path, counted: Mapping[tuple[str, ...]
         "lost": lost,
         "worst": None if lost else max(values, default=None),
         "worst_name": worst,
-        "operations": _of_law(entry, counted),
+        "operations": _of_entry(entry, counted),
         "outdated": not _current(entry, folder),
-        "trace": trace(entry, *TRACES),
+        "trace": trace(entry.trace.error, *TRACES),
     }
 
 
@@ -95,18 +96,21 @@ def _current(entry: Entry, folder: Path) -> bool:
         return False
 
 
-def _operations(log: str) -> dict[tuple[str, ...], int]:
-    """Operations of a step by kind, adaptation and measurements."""
+def counts(log: str) -> dict[tuple[str, ...], int]:
+    """Operations of a step by kind, adaptation and measurements, from the text of flops.md."""
     found = re.findall(r"^\| `(\w+)` \| (\S+) \| ([a-z ]+) \|.*\*\*(\d+)\*\*", log, re.MULTILINE)
     return {(kind, adaptation, measured): int(count) for kind, adaptation, measured, count in found}
 
 
-def _of_law(entry: Entry, counted: Mapping[tuple[str, ...], int]) -> int | None:
-    """Operations of a step of a compiled law without a filter; None if they are not counted."""
+def _of_entry(entry: Entry, counted: Mapping[tuple[str, ...], int]) -> int | None:
     law = contender(entry.law)
-    if law is None or law.fixed.get("controller.filter"):
+    return operations_of(law, entry.setting.information, counted) if law else None
+
+
+def operations_of(law: Contender, information: str, counted: Mapping[tuple[str, ...], int]) -> int | None:
+    """Operations of a step of a law of the comparison without a filter; None if they are not counted."""
+    if law.fixed.get("controller.filter"):
         return None
-    information = entry.setting.information
     place = (str(law.fixed[KIND]), str(law.fixed.get("adaptation.kind", "–")), SENSED[information])
     return counted.get(place)
 

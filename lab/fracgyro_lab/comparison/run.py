@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -99,23 +100,51 @@ def compare(
         "version": version("fracgyro"),
         "effort": asdict(plan.effort),
     }
-    with workers(scheduler) as side_by_side, locked(Path(out)):
-        folder = claim(Path(out), plan.parts(), {}, resume=resume)
-        work = _Work(plan, Finished(folder), side_by_side, progress)
-        with free_if_nothing_came(folder, resume=resume):
-            found = work.done()
-        report = folder / "report.html"
-        write_report(report, plan, list(found.values()), work.limits)
-        write_json(folder / "compare.json", {**head, "limits": work.limits}, list(found.values()))
+    with finished(plan, Path(out), resume=resume, scheduler=scheduler, progress=progress) as done:
+        report = done.folder / "report.html"
+        write_report(report, plan, list(done.rows.values()), done.limits)
+        write_json(done.folder / "compare.json", {**head, "limits": done.limits}, list(done.rows.values()))
     return Compared(
         plan.task,
-        folder / "compare.json",
+        done.folder / "compare.json",
         report,
-        list(found.values()),
-        work.limits,
-        work.resumed,
+        list(done.rows.values()),
+        done.limits,
+        done.resumed,
         time.perf_counter() - begin,
     )
+
+
+@dataclass(frozen=True)
+class Done:
+    """A finished plan."""
+
+    folder: Path
+    rows: dict[str, dict[str, Any]]  # rows of compare.json, by name
+    limits: list[dict[str, Any]]
+    judged: dict[str, dict[str, Any]]  # results of `Judging.measure`, by name of the row
+    resumed: int  # pieces of work that were found finished
+
+
+@contextmanager
+def finished(
+    plan: Comparison,
+    out: Path,
+    *,
+    resume: bool,
+    scheduler: str | None = None,
+    progress: Callable[[float, float, str], object] | None = None,
+) -> Iterator[Done]:
+    """Context manager: the plan, carried out in the folder `out`, which stays locked until the end.
+
+    Raises ValueError if `out` is in use or has the results of another plan, or the cluster cannot be used.
+    """
+    with workers(scheduler) as side_by_side, locked(out):
+        folder = claim(out, plan.parts(), {}, resume=resume)
+        work = _Work(plan, Finished(folder), side_by_side, progress)
+        with free_if_nothing_came(folder, resume=resume):
+            rows = work.done()
+        yield Done(folder, rows, work.limits, work.judged, work.resumed)
 
 
 class _Work:
@@ -131,6 +160,7 @@ class _Work:
         self._plan, self._finished, self._workers, self._progress = plan, finished, side_by_side, progress
         self.resumed = 0
         self.limits: list[dict[str, Any]] = []
+        self.judged: dict[str, dict[str, Any]] = {}
         self._runs = 0
         tunings = sum(plan.tuning(row, {}).runs for wave in plan.waves() for row in wave)
         self._total = tunings + sum(plan.judging(row, {}).runs for row in plan.rows)
@@ -151,9 +181,9 @@ class _Work:
         }
         self._total = self._runs + sum(piece.runs for piece in judgings.values())
         self._run(list(judgings.values()), "judging")
-        judged = {name: self._finished.read(piece) for name, piece in judgings.items()}
+        self.judged = {name: self._finished.read(piece) for name, piece in judgings.items()}
         self.limits = plan.limits()
-        found = made(plan, tuned, judged, self.limits)
+        found = made(plan, tuned, self.judged, self.limits)
         first = {row.contender.name: judgings[row.name] for row in reversed(plan.rows) if row.name in judgings}
         timed = costs({name: piece.scenario() for name, piece in first.items() if piece.contender.own is None})
         for row in plan.rows:

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from fracgyro.analysis import metrics
 from fracgyro.analysis.confidence import mean_interval
-from fracgyro.files import whole_file
 from fracgyro.scenario import Scenario
 from fracgyro.simulation.simulate import simulate
 from numpy.typing import NDArray
 
+from ..verdicts import MIN_SHARE, Claim, Criteria, Judged, share, verdicts
 from .runs import ORDERS, PAPER_ORDER, VARIANTS, Runs, Study, scenario
 from .step_cost import SHORT, StepCost
 
-MIN_SHARE = 0.95  # fraction of seeds in which a criterion must hold
+__all__ = ["CLAIMS", "Claim", "Material", "judge"]
+
 ERROR_BOUND = 0.01  # 1 % of the reference's amplitude, the smallest visible error on the paper's axes
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A claim of the paper with its verdict, as printed or as corrected."""
-
-    id: str
-    claim: str
-    variant: str
-    verdict: str  # reproduced | not reproduced
-    criterion: str
-    evidence: str
 
 
 @dataclass(frozen=True)
@@ -52,35 +39,9 @@ class Material:
         return self.runs[self.variant, controller]
 
 
-Judged = tuple[bool, str]  # does the criterion hold, and the evidence
-
-
 def judge(runs: Runs, study: Study, costs: Mapping[str, StepCost]) -> list[Claim]:
     """Every claim for both variants, in the paper's order."""
-    return [
-        Claim(
-            id=identifier,
-            claim=claim,
-            variant=variant,
-            verdict="reproduced" if held else "not reproduced",
-            criterion=criterion,
-            evidence=evidence,
-        )
-        for identifier, (claim, criterion, judged) in CLAIMS.items()
-        for variant in VARIANTS
-        for held, evidence in [judged(Material(variant, runs, study, costs[variant]))]
-    ]
-
-
-def write_claims(claims: list[Claim], path: Path) -> None:
-    """Writes the claims as a JSON list."""
-    with whole_file(path) as scratch:
-        text = json.dumps([asdict(claim) for claim in claims], indent=2, ensure_ascii=False)
-        scratch.write_text(text + "\n", encoding="utf-8")
-
-
-def _share(holds: xr.DataArray) -> float:
-    return float(holds.mean())
+    return verdicts(CLAIMS, {variant: Material(variant, runs, study, costs[variant]) for variant in VARIANTS})
 
 
 def _times(values: xr.DataArray) -> str:
@@ -97,9 +58,9 @@ def error_settles(m: Material) -> Judged:
     times = m.metric("error_settling_time")
     run = m.recorded()
     others = ", ".join(f"{b:g}: {float(metrics.settling_time(run, b)):.2f}" for b in (0.05, 0.02, 0.005, 0.001))
-    share = _share(times < 5)
-    return share >= MIN_SHARE, (
-        f"‖e‖ stays below {ERROR_BOUND:g} from t = {_times(times)}; before t = 5 in {share:.0%} of them. "
+    settled = share(times < 5)
+    return settled >= MIN_SHARE, (
+        f"‖e‖ stays below {ERROR_BOUND:g} from t = {_times(times)}; before t = 5 in {settled:.0%} of them. "
         f"For other bounds (seed 0) {others}. In the run's 80 time units the error never becomes zero: noise keeps "
         f"its steady RMS at {mean_interval(m.metric('rmse').sel(window='steady', axis='x')):.2g} on x."
     )
@@ -107,7 +68,7 @@ def error_settles(m: Material) -> Judged:
 
 def fractional_is_slower(m: Material) -> Judged:
     mine, theirs = m.metric("error_settling_time"), m.metric("error_settling_time", "fractional")
-    median, slower = float(theirs.median()), _share(theirs > mine)
+    median, slower = float(theirs.median()), share(theirs > mine)
     return 7.5 <= median <= 12.5 and slower >= MIN_SHARE, (
         f"fractional SMC settles at {_times(theirs)}, the proposed controller at {_times(mine)}; "
         f"fractional SMC is the slower of the two in {slower:.0%} of seeds."
@@ -131,12 +92,12 @@ def more_accurate_than_conventional(m: Material) -> Judged:
 
 def surface_converges(m: Material) -> Judged:
     times = m.metric("surface_settling_time")
-    share = _share(times < 10)
+    settled = share(times < 10)
     late = metrics.cut(m.recorded(), metrics.STEADY)["surface"]
     rms = ((late**2).mean("time") ** 0.5).values
     rises = [_lyapunov_rise(m.variant, step) for step in (1e-3, 5e-4, 2.5e-4)]
     falls = all(finer <= 0.5 * coarser for coarser, finer in pairwise(rises))
-    return share >= MIN_SHARE and falls, (
+    return settled >= MIN_SHARE and falls, (
         f"‖s‖ stays within the layer δ = 0.06 from t = {_times(times)}; conventional: "
         f"{_times(m.metric('surface_settling_time', 'conventional'))}. After t = 10 the RMS of s is "
         f"{rms[0]:.2g}, {rms[1]:.2g} (seed 0): an ultimate bound set by the noise, not zero in finite time. "
@@ -189,7 +150,7 @@ def estimates_converge(m: Material) -> Judged:
         "D̂": m.metric("damping_error"),
         "K̂": m.metric("stiffness_error"),
     }
-    shares = {name: _share(e <= 0.05) for name, e in errors.items()}
+    shares = {name: share(e <= 0.05) for name, e in errors.items()}
     texts = [
         f"{name} off by {float(e.median()):.2g} of the true value (median; {shares[name]:.0%} of seeds within 5 %)"
         for name, e in errors.items()
@@ -197,7 +158,7 @@ def estimates_converge(m: Material) -> Judged:
     peaks = {
         c: float(m.metric("rate_error_peak", c).median()) / truth for c in ("proposed", "fractional", "conventional")
     }
-    settled = {c: _share(m.metric("rate_settling_time", c) < 79) for c in peaks}
+    settled = {c: share(m.metric("rate_settling_time", c) < 79) for c in peaks}
     rank = (
         "Peak error of Ω̂z, and share of seeds in which Ω̂z has settled within 10 % of the true value before the last "
         "unit of time: "
@@ -211,7 +172,7 @@ def estimates_converge(m: Material) -> Judged:
     )
     if m.variant == "printed":
         rank = "The skew part of Ω̂ never moves from 0.95 Ωz, under any of the three controllers."
-    return all(share >= MIN_SHARE for share in shares.values()), (f"at t = 80: {'; '.join(texts)}.{sampling} {rank}")
+    return all(each >= MIN_SHARE for each in shares.values()), (f"at t = 80: {'; '.join(texts)}.{sampling} {rank}")
 
 
 def bounds_settle(m: Material) -> Judged:
@@ -252,7 +213,7 @@ def costs_more(m: Material) -> Judged:
     )
 
 
-CLAIMS: dict[str, tuple[str, str, Callable[[Material], Judged]]] = {
+CLAIMS: Criteria[Material] = {
     "a": (
         "Under the proposed controller the tracking error is zero in less than 5 s.",
         f"‖e‖ stays below {ERROR_BOUND:g} from before t = 5 on, in {MIN_SHARE:.0%} of seeds",

@@ -15,8 +15,9 @@ from fracgyro.files import writable_folder
 from fracgyro.simulation.dataset import write_run
 from fracgyro.simulation.many import threads_available
 
+from ..verdicts import Claim, write_claims
 from . import figures
-from .claims import Claim, judge, write_claims
+from .claims import judge
 from .errata import ERRATA
 from .report import write_report
 from .runs import CONTROLLERS, VARIANTS, Results, record_all, study, study_cases

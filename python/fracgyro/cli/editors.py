@@ -18,7 +18,8 @@ REGISTERED: dict[str, EntryPoint] = {each.name: each for each in entry_points(gr
 def schema_command(kind: str) -> None:
     """Print the JSON Schema of a scenario or of a study, with which editors check TOML; or of a JSON file.
 
-    identify: the identify.json of `fracgyro identify`; entry: an entry of the board.
+    identify: the identify.json of `fracgyro identify`; entry: an entry of the board; zoo: an
+    entry of the zoo.
     """
     if kind in REGISTERED:
         found = REGISTERED[kind].load()()
