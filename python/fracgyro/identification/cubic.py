@@ -35,8 +35,8 @@ SEEN = 3.0  # standard deviations of a spring that is not zero
 
 @dataclass(frozen=True)
 class Cubic:
-    """Springs of a fit, by axis. `strength`: k, in units of omega0^2 over the square of the record's unit, 0 without one in
-    the fit; `covariance`: of `strength`; `score`: of the test, in standard deviations; `first`: k by the test;
+    """Springs of a fit, by axis. `strength`: k, in units of omega0^2 over the square of the record's unit, 0 without
+    one in the fit; `covariance`: of `strength`; `score`: of the test, in standard deviations; `first`: k by the test;
     `largest`: amplitude; `motions`: of the fit, of each record, (axes, samples), without a spring empty."""
 
     strength: Array

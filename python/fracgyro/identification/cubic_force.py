@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 DISTINCT = 3.0  # split of the squared frequencies over the damping, below which the modes have no axes
 MOST_TURNED = 0.5  # component of an axis along the other pick-off
-WIDER, MARGIN = 2.0, 64  # bins on each side of the band, over its width and at least, of the motion that enters the force
+WIDER, MARGIN = 2.0, 64  # bins on each side of the band that enter the cube: over its width, and at least
 UNSEEN = 1e-6  # part of a spring's effect that K and C do not explain, below which it is rounding
 STEPS, SMALL_STEP = 30, 1e-3  # the latter in standard deviations
 
