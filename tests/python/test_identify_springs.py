@@ -1,4 +1,4 @@
-"""Cubic springs: the round trip with the simulator's own, the backbone of one mode, and what is only named."""
+"""Cubic springs: the round trip with the simulator's own, the backbone of one mode, and forced records."""
 
 from __future__ import annotations
 

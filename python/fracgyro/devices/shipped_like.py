@@ -25,7 +25,7 @@ def like(smallest: float, largest: float) -> str:
 
 
 def whole_steps(delay: float, step: float) -> tuple[int, float] | None:
-    """A delay in whole steps, and a step near `step` of which it is so many; both times in 1/omega0.
+    """A delay in whole steps, n, and the step near `step` that is an nth of it; times in 1/omega0.
 
     Without a step if the delay is less than half of one; None if it is too long for `datasheet.delay`.
     """

@@ -35,8 +35,8 @@ SEEN = 3.0  # standard deviations of a spring that is not zero
 
 @dataclass(frozen=True)
 class Cubic:
-    """Springs of a fit, by axis. `strength`: k, in units of omega0^2 over the square of the record's unit, 0 where none
-    is fitted; `covariance`: of `strength`; `score`: of the test, in standard deviations; `first`: k by the test;
+    """Springs of a fit, by axis. `strength`: k, in units of omega0^2 over the square of the record's unit, 0 without
+    one in the fit; `covariance`: of `strength`; `score`: of the test, in standard deviations; `first`: k by the test;
     `largest`: amplitude; `motions`: of the fit, of each record, (axes, samples), without a spring empty."""
 
     strength: Array
@@ -83,7 +83,7 @@ def with_springs(
     seen = np.flatnonzero(np.abs(score) > SEEN)
     if len(seen) == 0 or shape.drives:
         return fit, found
-    # What a spring leaves resembles thermal motion: the fits start from white noise, as most bins show it.
+    # The residual of a spring resembles thermal motion: the fits start from white noise, as most bins show it.
     white = [np.median(np.abs(each), axis=0) / math.sqrt(2 * math.log(2)) for each in fit.left]
     linear = fit
     fit = replace(fit, thermal=only_white(np.array(white)), noise=np.array(white))

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 WEIGHTINGS = 3
 DIFFERENCE = 0.05  # step of a derivative, in standard deviations
-MAX_STEPS = 40_000  # of the simulated envelope
+MAX_STEPS = 40_000  # in all envelopes of a fit
 
 
 @dataclass(frozen=True)

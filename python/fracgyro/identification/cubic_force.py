@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 DISTINCT = 3.0  # split of the squared frequencies over the damping, below which the modes have no axes
 MOST_TURNED = 0.5  # component of an axis along the other pick-off
-WIDER, MARGIN = 2.0, 64  # the measured motion that enters the force has so many more bins on each side of the band
+WIDER, MARGIN = 2.0, 64  # bins on each side of the band that enter the cube: over its width, and at least
 UNSEEN = 1e-6  # part of a spring's effect that K and C do not explain, below which it is rounding
 STEPS, SMALL_STEP = 30, 1e-3  # the latter in standard deviations
 
@@ -45,7 +45,7 @@ def forced_problem(
 def principal_axes(shape: Shape, parameters: Array) -> Array:
     """The axes of the springs as the pick-offs see them, by columns, with ones on the diagonal.
 
-    Those of the pick-offs where the modes are too near each other, or the axes too far off, to tell.
+    Those of the pick-offs where the modes are too near each other, or the axes turned too far.
     """
     n = shape.axes
     stiffness, damping, _ = shape.matrices(parameters)

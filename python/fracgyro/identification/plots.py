@@ -119,7 +119,7 @@ def backbone_figure(fitted: Fitted) -> str:
             for at in range(size, len(angle) - 2 * size, size):  # the ends of a filtered signal are not its own
                 squared.append(float(np.mean(np.abs(turned[at : at + size]) ** 2)))
                 hertz.append(float(np.polyfit(step * np.arange(size), angle[at : at + size], 1)[0] / (2 * np.pi)))
-            kept = np.array(squared) > 0.01 * max(squared)
+            kept = np.array(squared) > 0.05 * max(squared)
             panel.plot(
                 np.array(squared)[kept], np.array(hertz)[kept], ".", color=COLORS[k % 2], markersize=3, label=axis
             )

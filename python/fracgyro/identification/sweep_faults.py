@@ -17,7 +17,7 @@ from .sweep import SweepFit
 
 Array = NDArray[np.float64]
 
-JUMP = 5.0  # times the steps beside it: a pole between two points of a grid has 3
+JUMP = 5.0  # times the steps next to it: a pole between two points of a grid has 3
 CLEAR = 12.0  # times the noise
 
 
