@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def log(browser: Any, address: str, folder: Path) -> None:
-    load, *_ = os.getloadavg()  # of other work on the machine, which makes frames longer
+    load, *_ = os.getloadavg()  # other work on the machine makes frames longer
     rows = [row(browser, address, what, hash) for what, hash in SETTINGS.items()]
     page = (folder / "live/index.html").read_bytes()
     parts = {

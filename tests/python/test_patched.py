@@ -20,7 +20,7 @@ from fracgyro.scenario.shipped import NAMES
 from fracgyro.scenario.to_core import core_setup, parts
 from fracgyro.scenario.toml import _plain_tables
 from fracgyro.study.space import Dimension
-from fracgyro.study.sweep.points import Points
+from fracgyro.study.sweep.point_columns import Points
 from fracgyro.study.sweep.setups import Setups, fields_to_patch, scenario_of
 from hypothesis import given
 from hypothesis import strategies as st

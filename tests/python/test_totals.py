@@ -17,7 +17,7 @@ from fracgyro.study.space import Dimension
 from fracgyro.study.sweep import blocks, effects
 from fracgyro.study.sweep.block_files import BlockFiles, aggregates
 from fracgyro.study.sweep.design import Plan, read_plan
-from fracgyro.study.sweep.points import Points
+from fracgyro.study.sweep.point_columns import Points
 from fracgyro.study.sweep.totals import MAX_GROUPS, Moments, Totals, kept
 from test_sweep import study
 

@@ -24,7 +24,7 @@ from ..folder import claim, digest
 from ..sums import Sums
 from .blocks import Block
 from .design import Plan
-from .points import AT_ONCE, Points
+from .point_columns import AT_ONCE, Points
 from .totals import Totals, kept
 
 RUNS = "runs"

@@ -35,7 +35,7 @@ from ..file import (
     seeds_of,
 )
 from ..space import MAX_POINTS, Dimension, read_space
-from .points import Points
+from .point_columns import Points
 from .setups import Setups, fields_to_patch, scenario_of
 
 MIN_BLOCK = 16  # points, for a confidence interval

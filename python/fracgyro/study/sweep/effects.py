@@ -16,7 +16,7 @@ from ...analysis.confidence import Mean, mean_interval
 from ...scenario.table import toml_value
 from ..space import Dimension
 from .design import Plan
-from .points import Points
+from .point_columns import Points
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MAX_BINS, RUNS_PER_BIN = 8, 8  # for a field without levels

@@ -13,7 +13,7 @@ from ...scenario.patched import Patch, are_valid, patched_fields
 from ...scenario.table import format_value
 from ..controller import fields_of_scenario
 from ..space import Dimension
-from .points import Point, Points
+from .point_columns import Point, Points
 
 KEPT = 256  # scenarios, each with its set-up
 
