@@ -157,7 +157,7 @@ def test_the_documentation_site_has_its_page(monkeypatch: pytest.MonkeyPatch) ->
     assert r"- k_{p} e - k_{d} \dot{e}" in text
     kp = "| `controller.kp` | {math}`ω_{0}^{2}` | > 0 | `10000.0` | spring on the error. |"
     assert kp in text
-    assert len(pictures) == 4
+    assert len(pictures) == 2
     assert "| [`pd`](../controllers/pd.md) | spring and damper | no |" in overview()
 
 
