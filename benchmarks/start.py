@@ -24,11 +24,11 @@ ROOT = Path(__file__).resolve().parent.parent
 FRACGYRO = [sys.executable, "-c", "from fracgyro.cli import main; main()"]
 # The command as it is typed, its words, times it is repeated, mark.
 COMMANDS = [
-    ("python -c pass", [sys.executable, "-c", "pass"], 15, None),
-    ("fracgyro --help", [*FRACGYRO, "--help"], 15, 0.12),
-    ("fracgyro simulate", [*FRACGYRO, "simulate"], 7, 1.5),
-    ("make web", [sys.executable, "-m", "fracgyro.export.live", "{folder}/web"], 2, 12.0),
-    ("fracgyro export fmu", [*FRACGYRO, "export", "fmu", "{folder}/gyro.toml", "--out", "{folder}/{n}.fmu"], 2, 6.0),
+    ("python -c pass", [sys.executable, "-c", "pass"], 5, None),
+    ("fracgyro --help", [*FRACGYRO, "--help"], 9, 0.12),
+    ("fracgyro simulate", [*FRACGYRO, "simulate"], 3, 1.5),
+    ("make web", [sys.executable, "-m", "fracgyro.export.live", "{folder}/web"], 1, 12.0),
+    ("fracgyro export fmu", [*FRACGYRO, "export", "fmu", "{folder}/gyro.toml", "--out", "{folder}/{n}.fmu"], 1, 6.0),
 ]
 
 

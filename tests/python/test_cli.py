@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from children import PATIENCE
 from click.testing import CliRunner
 from command_server import fracgyro as run
 from fracgyro.cli import cli
+from fracgyro.cli.commands import entry_points
 from fracgyro.cli.main import COMMANDS
 from fracgyro.scenario.table import toml_value
 
@@ -519,3 +521,9 @@ def test_an_own_controller_that_diverges_in_si_learns_its_units(tmp_path: Path) 
     said = sentence(run("simulate", "--set", "run.units=SI", "--controller", "own.py:spring", cwd=tmp_path))
     assert re.search(r"diverged at t = \S+ s: .* run\.step, which is 1e-06 s,", said)
     assert said.endswith("as run.units is SI, its samples are in m and m/s, and its force is in N")
+
+
+def test_entry_points_are_those_that_the_standard_library_finds() -> None:
+    for group in ("console_scripts", "fracgyro.commands"):
+        expected = {(each.name, each.module, each.attr) for each in metadata.entry_points(group=group)}
+        assert set(entry_points(group)) == expected != set()

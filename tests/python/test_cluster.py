@@ -56,7 +56,8 @@ def cluster() -> Iterator[tuple[Any, list[int]]]:
 
 
 def test_short_units_share_tasks_and_every_one_has_its_result() -> None:
-    work, done = [Unit(number) for number in range(500)], []
+    work = [Unit(number) for number in range(500)]
+    done: list[int] = []
     with cluster() as (client, sizes):
         found = {piece.number: result for piece, result in measured_there(client, work, done.append)}
     assert found == {number: number**2 for number in range(500)}

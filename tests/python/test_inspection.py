@@ -7,6 +7,7 @@ from collections.abc import Callable
 import fracgyro as fg
 import numpy as np
 import pytest
+from fracgyro.rate.inspection import _spread
 from nightly import nightly_unless
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
@@ -173,3 +174,11 @@ def test_no_sinusoids_are_seen_behind_a_filter(order: int) -> None:
 def test_numbers_beyond_all_rates_are_no_overflow() -> None:
     with pytest.raises(ValueError, match=r"values is 1e\+300 at sample 7: all must be below 1e\+100"):
         fg.rate.inspect(np.where(np.arange(1000) == 7, 1e300, noise()[:1000]), INTERVAL)
+
+
+@pytest.mark.parametrize("count", [2, 7, 100, 20_001])
+def test_the_spread_of_a_block_is_about_its_least_squares_line(count: int) -> None:
+    block = np.random.default_rng(count).normal(size=count) + np.linspace(-3.0, 5.0, count)
+    at = np.arange(count)
+    expected = np.mean((block - np.polyval(np.polyfit(at, block, 1), at)) ** 2)
+    assert _spread(block) == pytest.approx(expected, rel=1e-9, abs=1e-15)
