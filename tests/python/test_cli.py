@@ -220,7 +220,7 @@ NAMES = [
     "selfcheck",
     "simulate",
 ]
-NAMES += ["sweep", "tune"]
+NAMES += ["sweep", "tune", "zoo"]
 
 
 def loaded_by(*words: str) -> list[str]:
