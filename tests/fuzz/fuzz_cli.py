@@ -108,6 +108,7 @@ COMMANDS: dict[str, Any] = {
         "--out",
         rng.choice(OUTS),
     ],
+    "zoo": lambda rng: ["zoo", rng.choice(["show", "check", "run"]), rng.choice(FILES)],
     "reproduce": lambda rng: ["reproduce", "--seeds", rng.choice(["0", "1", "-1", "x", "", "1e9"])],
 }
 

@@ -222,7 +222,7 @@ NAMES = [
     "selfcheck",
     "simulate",
 ]
-NAMES += ["sweep", "tune"]
+NAMES += ["sweep", "tune", "zoo"]
 
 
 def loaded_by(*words: str) -> list[str]:
