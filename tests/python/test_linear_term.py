@@ -13,7 +13,11 @@ from law_oracles import Backstepping
 
 KNOWN = {"controller.kind": "linear", "controller.adaptive": False}
 PAPER = fg.Scenario.paper().replace(KNOWN | {"run.duration": 3.0})
-TUNED = {"controller.fractional_gain": 30.0, "adaptation.initial_bound": [6.0, 0.0, 0.0]}
+TUNED = {
+    "controller.fractional_gain": 30.0,
+    "controller.layer_thickness": 2.0,
+    "adaptation.initial_bound": [200.0, 0.0, 0.0],
+}
 OPTIONS: dict[str, dict[str, Any]] = {
     "none": {},
     "coupling": {"controller.coupling": 400.0},
@@ -24,7 +28,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 OPTIONS["all"] = {name: value for each in OPTIONS.values() for name, value in each.items()}
 
 
-@pytest.mark.parametrize("limit", [np.inf, 600.0])
+@pytest.mark.parametrize("limit", [np.inf, 400.0])
 @pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
 def test_it_is_its_transcription(options: dict[str, Any], limit: float) -> None:
     scenario, law = PAPER.replace(TUNED | options | {"controller.force_limit": limit}), Backstepping()
