@@ -33,6 +33,8 @@ public:
     friend Counted power(Counted base, Counted exponent) {
         return counted(counts.powers, std::pow(base.value_, exponent.value_));
     }
+    friend Counted exponential(Counted a) { return counted(counts.powers, std::exp(a.value_)); }
+    friend Counted logarithm(Counted a) { return counted(counts.powers, std::log(a.value_)); }
 
 private:
     static Counted counted(double& count, double value) {
