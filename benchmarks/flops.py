@@ -52,9 +52,9 @@ def main() -> None:
     lines += [
         "Mean of 1000 steps near the paper's reference, with a force limit, the default gains, 10 exponentials and "
         "a terminal exponent other than one half, counted by a number type that counts. Flops: all but the "
-        "comparisons, each root and power as one; exponentials and logarithms are among the powers. Positions only: with the observer, where a controller has no "
-        "filter of its own. Filter: `controller.filter` is kalman. State: what changes while running, in double "
-        "precision, the guard not included.",
+        "comparisons, each root and power as one; exponentials and logarithms are among the powers. Positions only: "
+        "with the observer, where a controller has no filter of its own. Filter: `controller.filter` is kalman. "
+        "State: what changes while running, in double precision, the guard not included.",
         "",
         f"| {' | '.join(heads)} |",
         "|---|---|---" + "|---:" * (len(heads) - 3) + "|",

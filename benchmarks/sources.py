@@ -48,6 +48,7 @@ WRITERS = {
 PACKAGES = {"fracgyro": "python", "fracgyro_fpga": "fpga", "fracgyro_lab": "lab"}  # and the folders that they are in
 SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
+INPUTS = "--curves"  # an option that names a folder of inputs only, which are not in the repository
 PARTS = {"compare_track": "track", "compare_rate": "rate"}  # logs that their script knows by another word
 WITHOUT_LOG = {
     "experiments_page": "runs the examples of docs/experiments.md, which a test compares",
@@ -295,7 +296,7 @@ def stamp(script: Path, arguments: Sequence[str] = (), log: str = "") -> str:
     commit = _git("rev-parse", "--short=10", "HEAD") or "none"
     changed = _git("status", "--porcelain", "--", *map(str, sources(script, log)))
     whole = [[], [Path(log).stem], [PARTS.get(Path(log).stem, "")]]
-    partial = "" if list(arguments) in whole else f" Made with `{shlex.join(arguments)}`."
+    partial = "" if list(arguments) in whole or arguments[0] == INPUTS else f" Made with `{shlex.join(arguments)}`."
     return f"Sources `{digest(script, log)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
 
 
