@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -60,7 +61,7 @@ def _scenario() -> Iterator[str]:
         for field, said in schema["properties"].items():
             groups.setdefault(_having(name, field), []).append(_field(name, field, said, table))
         for kinds, rows in groups.items():
-            yield from [f"Of {', '.join(kinds)}:", ""] if kinds else []
+            yield from [*textwrap.wrap(f"Of {', '.join(kinds)}:", 120), ""] if kinds else []
             yield from rows_of(FIELDS, rows)
 
 
