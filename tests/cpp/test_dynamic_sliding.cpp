@@ -145,6 +145,7 @@ using InNoise = CaseOf<Law>;
 
 InNoise in_noise(double force_bandwidth = 400.0) {
     InNoise a = InNoise::in_noise();
+    a.law.reaching_rate = 200.0;
     a.law.surface_gain = 120.0;
     a.law.force_bandwidth = force_bandwidth;
     a.common.force_limit = 1000.0;

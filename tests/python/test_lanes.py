@@ -214,6 +214,17 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "disturbance.weights": (VIBRATION, (1.0, 0.5)),
     "disturbance.points": ({"disturbance.kind": "table", "disturbance.points": [[0, 1, 2], [1, 3, 4]]}, PULLED),
     "disturbance.added": ({}, [{"kind": "step", "amplitude": (50.0, 60.0)}]),
+    **{
+        f"controller.{name}": ({"controller.kind": "linear"}, value)
+        for name, value in (("coupling", 30.0), ("error_integral", 30.0), ("start_rate", 3.0), ("surface_filter", 0.02))
+    },
+    "controller.event_threshold": ({}, 5.0),
+    "controller.event_share": ({}, 0.05),
+    "controller.near_floor": ({"controller.kind": "fixed_time"}, 0.3),
+    "controller.switching_layer": ({"controller.kind": "dynamic", "controller.switching_rate": 1e3}, 150.0),
+    "controller.surface_layer": ({"controller.kind": "network", "controller.switching_force": 5.0}, 0.1),
+    "controller.polynomial_degree": ({"controller.kind": "network", "controller.basis": "chebyshev"}, 3),
+    "controller.prediction_rate": ({"controller.kind": "network", "controller.prediction_weight": 1.0}, 7.0),
     "run.duration": ({}, 0.15),
     "run.step": ({}, 5e-4),
     "run.kernel_tolerance": ({}, 1e-3),
