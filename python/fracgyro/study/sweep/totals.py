@@ -39,7 +39,7 @@ class Moments:
 
     @classmethod
     def of(cls, values: Array) -> Moments:
-        """Of all values that are not NaN."""
+        """Moments of all values that are not NaN."""
         there = values[~np.isnan(values)]
         if not len(there):
             return cls()
@@ -72,7 +72,7 @@ class Moments:
 
 
 def kept(plan: Plan, block: Block, table: pa.Table) -> Kept:
-    """What the summary needs of a block with these rows, by field, metric and place on the field's axis."""
+    """Needs of the summary from a block with these rows, by field, metric and place on the field's axis."""
     shape = len(block.values), len(block.seeds)
     gone = ~np.isnan(np.asarray(table["diverged_at"].to_numpy())).reshape(shape)
     values = {name: np.where(gone, np.nan, table[name].to_numpy().reshape(shape)) for name in plan.study.show}
@@ -96,7 +96,7 @@ def bins_of(plan: Plan) -> int:
 
 
 def _of_place(plan: Plan, block: Block, here: NDArray[np.bool_], gone: NDArray[np.bool_], values: Any) -> Kept:
-    """Of the points `here`: runs, diverged ones; for each metric the runs that have it, and the units of its mean."""
+    """Runs of the points `here`, and diverged ones; for each metric the runs that have it, and the units of its mean."""
     found: Kept = {"runs": int(gone[here].size), "diverged": int(gone[here].sum()), "metrics": {}}
     for name, each in values.items():
         inside = each[here]
@@ -135,7 +135,7 @@ def _best(block: Block, values: dict[str, Array], name: str) -> Kept:
 
 
 def _whole(moments: Moments, seeds: int) -> list[float]:
-    """Of a point; none unless all its runs have the metric."""
+    """Moments of a point; none unless all its runs have the metric."""
     return (moments if moments.count == seeds else Moments()).listed()
 
 
@@ -242,7 +242,7 @@ class Totals:
         return Effect(along, means, [p.runs < n for p, n in zip(places, runs.tolist(), strict=True)], None)
 
     def best(self, name: str) -> tuple[list[Best], int]:
-        """As `best` in effects.py."""
+        """The same as `best` in effects.py: points with the least mean magnitude, and the number of eligible ones."""
         found = [
             Best(point, self.plan.points[point], [_moments(each).interval() for each in moments])
             for _, point, moments in self._best[name]
