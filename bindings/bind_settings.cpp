@@ -16,7 +16,8 @@ namespace {
 // Copies of a setup, each with a row of values in these places of fields_of_kind, which ascend. The reference is kept.
 std::vector<RunSetup> with_settings(const RunSetup& base, const std::vector<std::size_t>& places,
                                     const nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>& rows) {
-    if (rows.shape(1) != places.size() || std::adjacent_find(places.begin(), places.end(), std::greater_equal()) != places.end()) {
+    if (rows.shape(1) != places.size() ||
+        std::adjacent_find(places.begin(), places.end(), std::greater_equal()) != places.end()) {
         throw nb::value_error("there must be one column for each place, and the places must ascend");
     }
     std::vector<RunSetup> made(rows.shape(0), base);

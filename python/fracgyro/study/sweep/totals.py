@@ -96,7 +96,7 @@ def bins_of(plan: Plan) -> int:
 
 
 def _of_place(plan: Plan, block: Block, here: NDArray[np.bool_], gone: NDArray[np.bool_], values: Any) -> Kept:
-    """Runs of the points `here`, and diverged ones; for each metric the runs that have it, and the units of its mean."""
+    """Runs of the points `here`, and diverged ones; for each metric the runs that have it, and units of its mean."""
     found: Kept = {"runs": int(gone[here].size), "diverged": int(gone[here].sum()), "metrics": {}}
     for name, each in values.items():
         inside = each[here]
