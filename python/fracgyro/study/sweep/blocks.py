@@ -24,7 +24,7 @@ from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
-MAX_BLOCKS = 100_000  # of a study: beyond, blocks have more runs
+MAX_BLOCKS = 100_000  # in a study: beyond, blocks have more runs
 STEPS_OF_CALLABLES = 10**6  # per block: Python takes a microsecond per step
 
 

@@ -21,10 +21,10 @@ from .blocks import Block
 from .design import Plan
 from .effects import MAX_BINS, RUNS_PER_BIN, Axis, Best, Effect, axis_of
 
-MAX_GROUPS = 32  # of seeds
+MAX_GROUPS = 32  # groups of seeds
 BEST = 5  # points kept for each metric
 Array = NDArray[np.float64]
-Kept = dict[str, Any]  # of a block, as JSON
+Kept = dict[str, Any]  # aggregates of a block, as JSON
 
 
 @dataclass
@@ -77,7 +77,7 @@ def kept(plan: Plan, block: Block, table: pa.Table) -> Kept:
     gone = ~np.isnan(np.asarray(table["diverged_at"].to_numpy())).reshape(shape)
     values = {name: np.where(gone, np.nan, table[name].to_numpy().reshape(shape)) for name in plan.study.show}
     found: Kept = {"show": list(values), "fields": {}}
-    if len(block.seeds) < len(plan.seeds):  # of one point
+    if len(block.seeds) < len(plan.seeds):  # one point
         found["part"] = {name: Moments.of(each).listed() for name, each in values.items()}
     else:
         found["best"] = {name: _best(block, values, name) for name in values}
@@ -167,7 +167,7 @@ class Totals:
         self._places: dict[tuple[str, str, int], _Place] = {}
         self._best: dict[str, list[Any]] = {name: [] for name in plan.study.show}
         self._eligible = dict.fromkeys(plan.study.show, 0)
-        self._part: dict[str, Moments] = {}  # of a point whose seeds are in several blocks
+        self._part: dict[str, Moments] = {}  # the point whose seeds are in several blocks
         self._part_runs = 0
 
     @classmethod
@@ -198,7 +198,7 @@ class Totals:
     def _add_units(self, of_field: str, name: str, place: int, runs: int, units: Any) -> None:
         sums = self._places.setdefault((of_field, name, place), _Place())
         sums.runs += runs
-        if units is None:  # of a part of a point
+        if units is None:  # a part of a point
             return
         if self.plan.sampled:
             sums.units.add(_moments(units))
