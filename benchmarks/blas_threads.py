@@ -55,7 +55,7 @@ def measured(name: str, samples: int, threads: str | None) -> tuple[float, float
 
 @contextmanager
 def busy(cores: int) -> Iterator[None]:
-    """Context manager: so many processes that compute all the time."""
+    """Context manager: `cores` processes that compute all the time."""
     others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(cores)]
     try:
         yield
