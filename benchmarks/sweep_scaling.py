@@ -77,7 +77,7 @@ def child(folder: str, scheduler: str | None) -> None:
 
     def watch() -> None:
         while not over.wait(0.05):
-            seen.append(sum(entry.stat().st_size for entry in runs.iterdir()) if runs.is_dir() else 0)
+            seen.append(sum(entry.stat().st_size for entry in runs.glob("block-*")))
 
     threading.Thread(target=watch, daemon=True).start()
     begin, marks = time.perf_counter(), []
