@@ -95,7 +95,7 @@ class Sweeps:
 
     def send(self, count: int, steps: int) -> None:
         assert self.process.stdin is not None
-        text = sweep_scaling.study(count, 1, steps).replace("quantiles = true", "")  # unknown to a0c9d84
+        text = sweep_scaling.study(count, 1, steps).replace("quantiles = true", "")  # a0c9d84 does not know it
         self.process.stdin.write(json.dumps(text) + "\n")
         self.process.stdin.flush()
 

@@ -36,7 +36,7 @@ FAR = 10**9  # runs
 MACHINES = 1_000
 PER_SECOND = 500  # tasks that a scheduler of Dask starts, assumed
 SIMULATED = 50_000  # tasks of a simulated cluster, at most
-CORES = 64  # a larger machine has
+CORES = 64  # cores of the larger machines
 LONG = 80_001  # samples of the paper's run
 
 
@@ -77,7 +77,7 @@ def child(folder: str, scheduler: str | None) -> None:
 
     def watch() -> None:
         while not over.wait(0.05):
-            seen.append(sum(entry.stat().st_size for entry in runs.iterdir()) if runs.is_dir() else 0)
+            seen.append(sum(entry.stat().st_size for entry in runs.glob("block-*")))
 
     threading.Thread(target=watch, daemon=True).start()
     begin, marks = time.perf_counter(), []
@@ -173,7 +173,7 @@ def simulated(tasks: int, machines: int, seconds: float, client: float) -> float
 
 
 def plan_row(name: str, runs: int, rate: float, client: float) -> str:
-    """A row of the plan: runs of a task, and of a machine in a second; `client`: s a run."""
+    """A row of the plan: tasks of `runs` runs, on machines of `rate` runs a second; `client`: s a run."""
     tasks = min(-(-FAR // runs), SIMULATED)
     took = simulated(tasks, MACHINES, runs / rate, client * runs) * FAR / (tasks * runs)
     least = FAR / (MACHINES * rate)
@@ -273,7 +273,7 @@ def main() -> None:
         plan_row(f"{CORES} cores, at most {MAX_BLOCKS:,} blocks, each a task, workers write", now, large, 0.0),
         plan_row(f"{CORES} cores, tasks of {TASK:g} s, workers write", int(TASK * large), large, 0.0),
         "",
-        f"A study of so many runs has {MAX_BLOCKS:,} blocks of {now:,} runs, and a task has as many blocks as take "
+        f"Such a study has {MAX_BLOCKS:,} blocks of {now:,} runs, and a task has as many blocks as take "
         f"{TASK:g} s. Its rows are {FAR * row / 1e9:.0f} GB, {MACHINES * best * row / 1e6:.0f} MB a second: all go "
         f"through the client, which keeps {row / client / 1e6:.0f} MB a second. A study has at most a million points, "
         "each with up to a million seeds.",

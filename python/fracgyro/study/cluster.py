@@ -109,7 +109,7 @@ def measured_there(client: Any, work: list[W], progress: Callable[[int], object]
 
 
 def together(left: int, threads: int, seconds: float) -> int:
-    """Number of units of work in the next task, of `left`; each takes `seconds`."""
+    """Number of units of work in the next task, of `left` that take `seconds` each."""
     return max(1, min(int(TASK / max(seconds, 1e-9)), left // (PER_THREAD * threads)))
 
 

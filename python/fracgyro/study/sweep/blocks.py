@@ -19,12 +19,12 @@ from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
 from .design import Plan
-from .point_columns import Points
+from .points import Points
 from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
-MAX_BLOCKS = 100_000  # a larger study has blocks of more runs
+MAX_BLOCKS = 100_000  # in a study: beyond, blocks have more runs
 STEPS_OF_CALLABLES = 10**6  # per block: Python takes a microsecond per step
 
 

@@ -22,7 +22,7 @@ class Column:
     """The values of one field at all points."""
 
     drawn: NDArray[Any]
-    choices: tuple[Any, ...] | None = None  # `drawn` has their places
+    choices: tuple[Any, ...] | None = None  # then `drawn` has their places
 
     def values(self, begin: int, end: int) -> list[Any]:
         found: list[Any] = self.drawn[begin:end].tolist()

@@ -24,7 +24,7 @@ from .effects import MAX_BINS, RUNS_PER_BIN, Axis, Best, Effect, axis_of
 MAX_GROUPS = 32  # groups of seeds
 BEST = 5  # points kept for each metric
 Array = NDArray[np.float64]
-Kept = dict[str, Any]  # one block's, as JSON
+Kept = dict[str, Any]  # aggregates of a block, as JSON
 
 
 @dataclass
@@ -72,12 +72,12 @@ class Moments:
 
 
 def kept(plan: Plan, block: Block, table: pa.Table) -> Kept:
-    """Parts of the summary that a block with these rows gives, by field, metric and place on the field's axis."""
+    """Needs of the summary from a block with these rows, by field, metric and place on the field's axis."""
     shape = len(block.values), len(block.seeds)
     gone = ~np.isnan(np.asarray(table["diverged_at"].to_numpy())).reshape(shape)
     values = {name: np.where(gone, np.nan, table[name].to_numpy().reshape(shape)) for name in plan.study.show}
     found: Kept = {"show": list(values), "fields": {}}
-    if len(block.seeds) < len(plan.seeds):  # part of a point
+    if len(block.seeds) < len(plan.seeds):  # one point
         found["part"] = {name: Moments.of(each).listed() for name, each in values.items()}
     else:
         found["best"] = {name: _best(block, values, name) for name in values}
@@ -96,7 +96,7 @@ def bins_of(plan: Plan) -> int:
 
 
 def _of_place(plan: Plan, block: Block, here: NDArray[np.bool_], gone: NDArray[np.bool_], values: Any) -> Kept:
-    """At the points `here`: runs, diverged ones; for each metric the runs that have it, and the units of its mean."""
+    """Runs of the points `here`, and diverged ones; for each metric the runs that have it, and units of its mean."""
     found: Kept = {"runs": int(gone[here].size), "diverged": int(gone[here].sum()), "metrics": {}}
     for name, each in values.items():
         inside = each[here]
@@ -135,7 +135,7 @@ def _best(block: Block, values: dict[str, Array], name: str) -> Kept:
 
 
 def _whole(moments: Moments, seeds: int) -> list[float]:
-    """One point's; none unless all its runs have the metric."""
+    """Moments of a point; none unless all its runs have the metric."""
     return (moments if moments.count == seeds else Moments()).listed()
 
 
@@ -167,7 +167,7 @@ class Totals:
         self._places: dict[tuple[str, str, int], _Place] = {}
         self._best: dict[str, list[Any]] = {name: [] for name in plan.study.show}
         self._eligible = dict.fromkeys(plan.study.show, 0)
-        self._part: dict[str, Moments] = {}  # a point whose seeds are in several blocks
+        self._part: dict[str, Moments] = {}  # the point whose seeds are in several blocks
         self._part_runs = 0
 
     @classmethod
@@ -198,7 +198,7 @@ class Totals:
     def _add_units(self, of_field: str, name: str, place: int, runs: int, units: Any) -> None:
         sums = self._places.setdefault((of_field, name, place), _Place())
         sums.runs += runs
-        if units is None:  # part of a point
+        if units is None:  # a part of a point
             return
         if self.plan.sampled:
             sums.units.add(_moments(units))
@@ -242,7 +242,7 @@ class Totals:
         return Effect(along, means, [p.runs < n for p, n in zip(places, runs.tolist(), strict=True)], None)
 
     def best(self, name: str) -> tuple[list[Best], int]:
-        """Same as `best` in effects.py."""
+        """The same as `best` in effects.py: points with the least mean magnitude, and the number of eligible ones."""
         found = [
             Best(point, self.plan.points[point], [_moments(each).interval() for each in moments])
             for _, point, moments in self._best[name]
