@@ -884,6 +884,34 @@ def test_every_preset_is_an_address_and_plays(browser: Any, address: str, data_f
             assert page.evaluate("location.hash") == f"#{key}"
 
 
+SLOW_WORKER = """
+const Real = Worker;
+window.Worker = class extends Real {
+  postMessage(message) {
+    setTimeout(() => super.postMessage(message), message.is === "start" ? 500 : 0);
+  }
+};
+"""
+
+
+def test_another_preset_may_begin_late(browser: Any, address: str) -> None:
+    """Frames go on until then: of one run, while the state has two already."""
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(1000 * PATIENCE)
+    faults = watched(page, address)
+    page.add_init_script(SLOW_WORKER)
+    page.goto(address + "#first")
+    for preset in ("moving", "first", "allan", "thrown"):
+        page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.2")
+        page.click(f'a[href="#{preset}"]')
+        page.hover("#plot-list canvas >> nth=0")  # draws a frame
+        page.wait_for_selector(f'a[href="#{preset}"][aria-current]')
+        shown = page.text_content("#clock")
+        page.wait_for_function(f"document.getElementById('clock').textContent !== {json.dumps(shown)}")
+    page.close()
+    assert faults == []
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [360, 1280])
 def test_it_is_accessible_and_fits(browser: Any, address: str, scheme: str, width: int) -> None:

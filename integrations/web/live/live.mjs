@@ -41,6 +41,7 @@ let all, data, state, theme; // `data`: of the preset's gyroscope
 let pages = presets;
 let history = new History(0, 1, 1);
 let scenarios = [];
+let simulated = []; // the runs that they are of: the state may have others already
 let points = []; // the channels of each run's last sample
 let ended = []; // when each run diverged, or null
 let playing = false;
@@ -142,7 +143,8 @@ const milliseconds = (samples) => samples * stepOf() * unitOfTime();
 async function restart() {
   const attempt = ++started;
   busy = true;
-  const wanted = runs().map((run) => scenarioOf(data, state, run));
+  const names = runs();
+  const wanted = names.map((run) => scenarioOf(data, state, run));
   const bin = Math.max(1, Math.round(data.bin / wanted[0].settings["run.step"]));
   try {
     const code = allowed.has(state.code) ? state.code : EXAMPLE;
@@ -158,6 +160,7 @@ async function restart() {
     return true;
   }
   scenarios = wanted;
+  simulated = names;
   history = new History(wanted.length, milliseconds(bin), milliseconds(1));
   points = wanted.map(() => new Float64Array(CHANNELS.length).fill(NaN));
   ended = wanted.map(() => null);
@@ -261,7 +264,7 @@ function kick(velocity) {
 // A force that counts as small: 2, or a fifth of a limit below 10.
 const smallForce = () => Math.min(2, 0.2 * (scenarios[0].settings["controller.force_limit"] ?? Infinity));
 
-const valueOf = (name, run) => scenarios[runs().indexOf(run)]?.settings[name] ?? null;
+const valueOf = (name, run) => scenarios[simulated.indexOf(run)]?.settings[name] ?? null;
 const restarts = (name) => Boolean(data.fields[name].fixed);
 
 // One of the settings of both runs, or of one.
@@ -283,7 +286,7 @@ async function set(name, value, run) {
 }
 
 async function tune(name, value, run) {
-  const changes = runs().map((each) => (!run || each === run ? { [name]: value } : {}));
+  const changes = simulated.map((each) => (!run || each === run ? { [name]: value } : {}));
   try {
     await ask("set", { changes });
   } catch (error) {
@@ -558,7 +561,7 @@ function buildPlots() {
 
 // Draws the spectrum or the Allan deviation, of the time shown.
 function drawView({ canvas, of, unit }, { from, to }) {
-  const curves = runs().map((color, run) => {
+  const curves = simulated.map((color, run) => {
     const numbers = errorsOf(history, run, place.rate_error, from, to);
     return { points: of(numbers, history.bin / 1e3), color, wide: true };
   });
@@ -588,7 +591,7 @@ function described(run) {
 
 // The lines of the runs there are.
 function showRuns() {
-  const names = runs();
+  const names = simulated;
   const lines = names.map((run, i) =>
     element("li", {}, swatch(run, DASHES[i][0]), `${run.toUpperCase()}: ${described(run)}`),
   );
@@ -634,7 +637,7 @@ function showRuns() {
 function showLimits() {
   const limits = scenarios.map(({ settings }) => settings["controller.force_limit"]);
   plots[FORCE].least = smallForce();
-  plots[FORCE].lines = runs().flatMap((color, i) =>
+  plots[FORCE].lines = simulated.flatMap((color, i) =>
     Number.isFinite(limits[i]) ? [-1, 1].map((sign) => ({ value: sign * limits[i], color })) : [],
   );
 }
@@ -690,7 +693,7 @@ function shownRms(run, channel) {
 // RMS of both runs over the time shown: momentary values may say the opposite of the curves.
 function measured() {
   const number = (of) => text(of).replace("e-", "e−"); // which is not broken at the end of a line
-  const each = (of) => runs().map((run, i) => `${run.toUpperCase()} ${number(of(i))}`).join(", ");
+  const each = (of) => simulated.map((run, i) => `${run.toUpperCase()} ${number(of(i))}`).join(", ");
   const rate = each((run) => shownRms(run, place.rate_error));
   const error = each((run) => Math.hypot(shownRms(run, place["error.x"]), shownRms(run, place["error.y"])));
   return `RMS over the time shown: error of the rate ${rate} ${unitOfRate()}; tracking error ${error} µm.`;
@@ -721,7 +724,7 @@ function showNumbers() {
   legends.forEach((show) => show());
   $("measured").textContent = measured();
   const ends = ended.flatMap((time, i) => {
-    return time === null ? [] : [`Run ${runs()[i].toUpperCase()} diverged at ${time.toPrecision(4)} ms.`];
+    return time === null ? [] : [`Run ${simulated[i].toUpperCase()} diverged at ${time.toPrecision(4)} ms.`];
   });
   const paused = playing || busy ? "" : ", paused";
   $("clock").textContent = `t = ${shownTime().toFixed(3)} ms${paused}. ${ends.join(" ")}`;
@@ -730,7 +733,7 @@ function showNumbers() {
 }
 
 function spoken() {
-  const parts = runs().map((run, i) => {
+  const parts = simulated.map((run, i) => {
     const [estimate, deviation] = [points[i][place.rate_estimate], points[i][place.rate_deviation]];
     const band = deviation > 0 ? ` plus or minus ${text(deviation)}` : "";
     const rate = Number.isFinite(estimate) ? `estimate ${text(estimate)}${band}` : "no estimate";
@@ -854,7 +857,7 @@ async function savePicture() {
   context.drawImage(drawn, gap, head);
   context.drawImage(plot, drawn.width + 2 * gap, head);
   context.fillStyle = theme.text;
-  const labels = runs().map((run) => `${run.toUpperCase()}: ${described(run)}`).join("   ");
+  const labels = simulated.map((run) => `${run.toUpperCase()}: ${described(run)}`).join("   ");
   [`fracgyro: ${presetOf().title}, ${TITLES[LARGE.indexOf(state.plot)]}`, labels, measured()].forEach((words, i) => {
     context.font = `${i ? "" : "bold "}${13 * ratio}px system-ui, sans-serif`;
     context.fillText(words, gap, (20 + 20 * i) * ratio, picture.width - 2 * gap);
