@@ -121,8 +121,6 @@ TERMS = [{"frequency": (1.0, 2.0), "amplitude": (0.5, 0.5)}]
 LAYERED: dict[str, object] = {"controller.kind": "nonsingular_terminal"}
 LAYERED |= {"controller.switching_gain": 0.1, "controller.reaching_exponent": 0.0}
 LAYERED |= {"controller.nonsingular_layer": 10.0}
-LINEAR: dict[str, object] = {"controller.kind": "linear"}
-NETWORK: dict[str, object] = {"controller.kind": "network"}
 # By field: changes of both runs, and the value of the second. A field of a controller that is not here is derived; any
 # other fails a test.
 DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
@@ -188,16 +186,6 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "datasheet.damping_drift": (JOINT, 0.1),
     "controller.reaching_exponent": (LAYERED, 0.5),
     "controller.nonsingular_layer": (LAYERED, 20.0),
-    "controller.event_threshold": ({}, 3.0),
-    "controller.event_share": ({}, 0.1),
-    "controller.coupling": (LINEAR, 50.0),
-    "controller.error_integral": (LINEAR, 50.0),
-    "controller.start_rate": (LINEAR, 5.0),
-    "controller.surface_filter": (LINEAR, 0.01),
-    "controller.switching_layer": ({"controller.kind": "dynamic", "controller.switching_rate": 1e3}, 200.0),
-    "controller.surface_layer": (NETWORK | {"controller.switching_force": 10.0}, 0.6),
-    "controller.polynomial_degree": (NETWORK | {"controller.basis": "chebyshev"}, 3),
-    "controller.prediction_rate": (NETWORK | {"controller.prediction_weight": 1.0}, 7.0),
     "disturbance.kind": ({}, "none"),
     "disturbance.standard_deviation": ({}, 2.0),
     "disturbance.density": ({"disturbance.standard_deviation": None, "disturbance.density": 1e-3}, 2e-3),

@@ -895,7 +895,7 @@ window.Worker = class extends Real {
 
 
 def test_another_preset_may_begin_late(browser: Any, address: str) -> None:
-    """Frames go on until then: of one run, while the state has two already."""
+    """Frames show one run until then, while the state has two already."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     page.set_default_timeout(1000 * PATIENCE)
     faults = watched(page, address)

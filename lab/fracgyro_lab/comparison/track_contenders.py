@@ -337,8 +337,8 @@ UNFILTERED = (
         "prescribed",
         "prescribed performance on the nominal plant",
         BOUNDED,
-        kind("prescribed") | {"controller.adaptive": False},
-        PRESCRIBED,
+        kind("prescribed"),
+        (*PRESCRIBED, LAWS),
         observer=OBSERVER,
     ),
     *(

@@ -19,7 +19,7 @@ from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
 from .design import Plan
-from .points import Points
+from .point_columns import Points
 from .setups import Setups, scenario_of
 
 # Largest loss if a process is killed: about a second of one processor, or this many runs.
