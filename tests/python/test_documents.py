@@ -146,7 +146,7 @@ def test_every_command_of_the_documents_is_one(line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
     words = list(takewhile(lambda word: word not in (">", "|"), words))
     group: click.Command = cli
-    while isinstance(group, click.Group):
+    while isinstance(group, click.Group) and (words or not group.invoke_without_command):
         name, command, words = group.resolve_command(click.Context(group), words)
         assert command is not None, name
         group = command
