@@ -207,7 +207,7 @@ def test_a_known_rate_shows_the_ratio_of_axes_that_are_not_turned() -> None:
     assert found["pickoff_ratio"].interval[0] < 1.01 < found["pickoff_ratio"].interval[1]
     assert found["pickoff_ratio"].half < 0.004
     assert found["skew"].determined
-    assert {each.name for each in found.tests if each.verdict == "pass"} == {"whiteness", "agreement"}
+    assert {each.name for each in found.tests if each.verdict == "pass"} == {"whiteness", "agreement", "springs"}
 
 
 @pytest.mark.parametrize("records", [1, 2])
