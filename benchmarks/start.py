@@ -49,7 +49,8 @@ def main() -> None:
     quick = parser.parse_args().quick
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        scenario = subprocess.run([*FRACGYRO, "scenario", "hardware"], check=True, capture_output=True, text=True).stdout
+        words = [*FRACGYRO, "scenario", "hardware"]
+        scenario = subprocess.run(words, check=True, capture_output=True, text=True).stdout
         (Path(folder) / "gyro.toml").write_text(scenario, encoding="utf-8")
         for name, words, repeats, mark in COMMANDS[:3] if quick else COMMANDS:
             found = [spent([w.format(folder=folder, n=n) for w in words]) for n in range(repeats)]

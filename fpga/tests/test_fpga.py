@@ -284,10 +284,8 @@ def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
     np.testing.assert_array_equal(found.view(expected.dtype), expected)
 
 
-@pytest.mark.parametrize(
-    ("kind", "seeds"),
-    nightly_unless(lambda kind, seeds: kind == "pid", [("force_rebalance", (1, 3, 39)), ("pid", (14, 19, 56))]),
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize(("kind", "seeds"), [("force_rebalance", (1, 3, 39)), ("pid", (14, 19, 56))])
 def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_at_random(
     kind: str, seeds: tuple[int, ...], tmp_path: Path
 ) -> None:

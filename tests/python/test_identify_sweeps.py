@@ -49,6 +49,7 @@ def test_a_weak_pick_off_does_not_hold_the_fit_in_a_local_minimum(seed: int) -> 
     assert found.widened == 1.0
 
 
+@pytest.mark.nightly
 def test_the_errors_of_weak_sweeps_follow_the_intervals_of_the_invariants() -> None:
     """Eight draws; over K and C their squared errors are up to 7 times that of the covariance."""
     squares, largest = 0.0, 0.0

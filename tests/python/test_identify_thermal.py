@@ -64,6 +64,7 @@ def test_white_noise_has_no_thermal_motion() -> None:
     assert min(each.p for each in found) > 1e-3
 
 
+@pytest.mark.nightly
 def test_mass_and_temperature_give_the_gain_of_the_pick_off() -> None:
     mass, temperature = 1e-9, 300.0
     record = IN_AIR.record(4000, 12.6, NOISE, 3, thermal=SIZE)
