@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 
 from machine import ROOT, command, machine, write
 
-DEPENDS_ON = ["pyproject.toml", "CMakeLists.txt"]
+DEPENDS_ON = ["./pyproject.toml", "./CMakeLists.txt"]
 
 PICTURE_MARK, LAW_MARK = 180, 600  # s
 KEPT = ("PATH", "LANG", "SSL_CERT_FILE", "REQUESTS_CA_BUNDLE", "PIP_INDEX_URL", "PIP_CERT", "PIP_CONFIG_FILE")
