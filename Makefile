@@ -165,7 +165,7 @@ article: .venv/installed-article
 	$(BIN)/python lab/article/build.py $(ARGS)
 
 # Runs the gallery's scripts, and includes the live page.
-SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q
+SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q -j auto
 docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
 	$(SPHINX) -b html build/site-source build/site

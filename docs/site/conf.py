@@ -58,7 +58,6 @@ sphinx_gallery_conf = {
     "capture_repr": (),
     "copyfile_regex": "",
     "image_scrapers": ("matplotlib",),
-    "image_srcset": ["2x"],
     "min_reported_time": 1e9,
     "reset_modules": ("matplotlib",),
     "show_memory": False,
