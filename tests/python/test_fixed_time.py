@@ -7,8 +7,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro import _core
-from fracgyro.scenario.to_core import core_setup
+from in_lanes import assert_lanes_agree
 from law_oracles import FixedTime
 
 PAPER = fg.Scenario.paper().replace({"controller.kind": "fixed_time", "controller.force_limit": 1000.0})
@@ -30,10 +29,4 @@ def test_it_is_its_transcription(limit: float, gains: dict[str, Any]) -> None:
 
 
 def test_lanes_and_single_precision() -> None:
-    setups = [core_setup(SHORT.replace(gains)) for gains in ({}, SLOW, {"controller.near_gain": 5.0}, FIXED)]
-    params = _core.MetricsParams()
-    separate = _core.measure_runs(setups, params, 1, 1, False)
-    for lanes in _core.lane_counts():
-        np.testing.assert_array_equal(_core.measure_runs(setups, params, 1, lanes, False), separate)
-    single = _core.measure_runs(setups[:1], params, 1, max(_core.lane_counts()), True)
-    np.testing.assert_allclose(single[0, :4], separate[0, :4], rtol=0.01)
+    assert_lanes_agree([SHORT.replace(gains) for gains in ({}, SLOW, {"controller.near_gain": 5.0}, FIXED)])

@@ -230,7 +230,7 @@ def test_the_closed_loop_has_the_bits_of_simulate(made: Callable[..., str], name
         assert_same_bits(np.ascontiguousarray(simulated[variable]), values, variable)
 
 
-ALONE = {"nondimensional": SHORT, "SI": SI, "positions only": DEVICE}
+SEPARATE = {"nondimensional": SHORT, "SI": SI, "positions only": DEVICE}
 
 
 def test_one_step_of_the_importer_takes_many_of_the_loop(made: Callable[..., str]) -> None:
@@ -242,13 +242,13 @@ def test_one_step_of_the_importer_takes_many_of_the_loop(made: Callable[..., str
 @pytest.mark.parametrize(
     ("name", "fmi"),
     nightly_unless(
-        lambda name, fmi: (name == "SI") == (fmi == "2.0") and name != "nondimensional", product(ALONE, VERSIONS)
+        lambda name, fmi: (name == "SI") == (fmi == "2.0") and name != "nondimensional", product(SEPARATE, VERSIONS)
     ),
 )
 def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
     made: Callable[..., str], tmp_path: Path, name: str, fmi: Fmi
 ) -> None:
-    scenario = ALONE[name]
+    scenario = SEPARATE[name]
     expected = fg.simulate(scenario.replace({"run.units": "nondimensional"}))
     scales = scenario.plant.scales
     factors = [scales.length, scales.velocity, scales.force, scales.time] if scenario is SI else [1.0] * 4

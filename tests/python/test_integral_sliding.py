@@ -7,8 +7,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro import _core
-from fracgyro.scenario.to_core import core_setup
+from in_lanes import assert_lanes_agree
 from law_oracles import IntegralSliding
 
 PAPER = fg.Scenario.paper().replace({"controller.kind": "integral_sliding", "controller.force_limit": 1000.0})
@@ -92,10 +91,4 @@ def test_it_bears_what_nobody_stated() -> None:
 
 
 def test_lanes_and_single_precision() -> None:
-    setups = [core_setup(with_gains(SHORT, gains)) for gains in ({}, TUNED, POLES, {"integral_rate": 0.0})]
-    params = _core.MetricsParams()
-    separate = _core.measure_runs(setups, params, 1, 1, False)
-    for lanes in _core.lane_counts():
-        np.testing.assert_array_equal(_core.measure_runs(setups, params, 1, lanes, False), separate)
-    single = _core.measure_runs(setups[:1], params, 1, max(_core.lane_counts()), True)
-    np.testing.assert_allclose(single[0, :4], separate[0, :4], rtol=0.01)
+    assert_lanes_agree([with_gains(SHORT, gains) for gains in ({}, TUNED, POLES, {"integral_rate": 0.0})])

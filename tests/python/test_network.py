@@ -7,8 +7,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro import _core
-from fracgyro.scenario.to_core import core_setup
+from in_lanes import assert_lanes_agree
 from law_oracles import Network
 
 PAPER = fg.Scenario.paper().replace({"controller.kind": "network", "controller.force_limit": 1000.0})
@@ -52,10 +51,4 @@ def test_the_constant_basis_is_the_integral_of_integral_sliding_mode() -> None:
 
 
 def test_lanes_and_single_precision() -> None:
-    setups = [core_setup(variant(SHORT, name)) for name in VARIANTS]
-    params = _core.MetricsParams()
-    separate = _core.measure_runs(setups, params, 1, 1, False)
-    for lanes in _core.lane_counts():
-        np.testing.assert_array_equal(_core.measure_runs(setups, params, 1, lanes, False), separate)
-    single = _core.measure_runs(setups[:1], params, 1, max(_core.lane_counts()), True)
-    np.testing.assert_allclose(single[0, :4], separate[0, :4], rtol=0.01)
+    assert_lanes_agree([variant(SHORT, name) for name in VARIANTS])

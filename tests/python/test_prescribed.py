@@ -7,8 +7,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro import _core
-from fracgyro.scenario.to_core import core_setup
+from in_lanes import assert_lanes_agree
 from law_oracles import Prescribed
 
 PAPER = fg.Scenario.paper().replace({"controller.kind": "prescribed", "controller.force_limit": 1000.0})
@@ -48,10 +47,4 @@ def test_a_bound_that_cannot_be_kept_is_reported_and_control_is_not_lost() -> No
 
 
 def test_lanes_and_single_precision() -> None:
-    setups = [core_setup(SHORT.replace(gains)) for gains in ({}, FIXED, CUBES, INFEASIBLE)]
-    params = _core.MetricsParams()
-    separate = _core.measure_runs(setups, params, 1, 1, False)
-    for lanes in _core.lane_counts():
-        np.testing.assert_array_equal(_core.measure_runs(setups, params, 1, lanes, False), separate)
-    single = _core.measure_runs(setups[:1], params, 1, max(_core.lane_counts()), True)
-    np.testing.assert_allclose(single[0, :4], separate[0, :4], rtol=0.01)
+    assert_lanes_agree([SHORT.replace(gains) for gains in ({}, FIXED, CUBES, INFEASIBLE)])

@@ -13,7 +13,7 @@
 //
 //    Explicitly, a step h of the last two terms diverges from √|s| = 2/(h k₂) on and cycles about zero. Held, it is
 //    implicit in √|s|: the force (z² - |s|) sign(s)/h brings |s| to z² with z + ½ h (k₁ + k₂ z²) = √|s|, or to zero if
-//    there is no such z > 0. The estimates follow the laws (44).
+//    no such z > 0 exists. The estimates follow the laws (44).
 //
 // Source: after Polyakov 2012, doi 10.1109/TAC.2011.2179869 (from memory); docs/decisions/0053.
 #pragma once
@@ -125,9 +125,6 @@ struct FixedTime {
     }
 
 private:
-    static Vec2<T> raised(const Vec2<T>& size, T exponent) {
-        return {power(size.x(), exponent), power(size.y(), exponent)};
-    }
     // The mean of what takes from |s| in the coming step.
     static Vec2<T> reach(const Coefficients& c, const Vec2<T>& size) {
         const Vec2<T> root = square_root(size), one{T(1.0), T(1.0)};

@@ -148,9 +148,6 @@ struct NonsingularTerminal {
     }
 
 private:
-    static Vec2<T> raised(const Vec2<T>& size, T exponent) {
-        return {power(size.x(), exponent), power(size.y(), exponent)};
-    }
     static Vec2<T> reach(const Coefficients& c, const Vec2<T>& s) {
         return c.layered ? clamp(c.inverse_layer * s, T(-1.0), T(1.0))
                          : with_sign_of(s, raised(absolute(s), c.reaching_exponent));

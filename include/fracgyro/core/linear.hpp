@@ -1,6 +1,7 @@
 // 2-vectors, symmetric 2x2 matrices, and the signals made of them.
 #pragma once
 
+#include "fracgyro/core/elementary.hpp"
 #include "fracgyro/core/pack.hpp"
 
 namespace fracgyro {
@@ -121,6 +122,10 @@ Vec2<T> square_root(const Vec2<T>& a) {
     }
 #endif
     return {square_root(a.x()), square_root(a.y())};
+}
+template <Scalar T>
+Vec2<T> raised(const Vec2<T>& a, T exponent) {
+    return {power(a.x(), exponent), power(a.y(), exponent)};
 }
 template <Scalar T>
 constexpr Vec2<T> reciprocal(const Vec2<T>& a) {

@@ -15,8 +15,8 @@ SKELETON = """# An entry of the zoo. `fracgyro zoo check FILE` reports what is m
 doi = "{doi}"
 title = ""
 year = {year}
-# What of the paper was read: code, text, abstract or citation (from memory). Only with code or text, and with a source
-# for each number below, a result may be called "as published".
+# The parts of the paper that were read: code, text, abstract or citation (from memory). Only with code or text, and
+# with a source for each number below, a result may be called "as published".
 seen = "abstract"
 # The law in a line.
 words = ""

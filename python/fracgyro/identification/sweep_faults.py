@@ -55,8 +55,8 @@ def jump_test(response: Response) -> list[Test]:
             noise = _noise(row)
             for at in range(2, len(step) - 2):
                 near = [*range(at - 2, at), *range(at + 1, at + 3)]
-                beside = max(float(step[j]) * max(float(apart[at] / max(apart[j], 1e-300)), 1.0) for j in near)
-                size = float(step[at]) / max(beside, noise)
+                neighbor = max(float(step[j]) * max(float(apart[at] / max(apart[j], 1e-300)), 1.0) for j in near)
+                size = float(step[at]) / max(neighbor, noise)
                 if size > JUMP and step[at] > CLEAR * noise and size > worst[0]:
                     worst = size, at, f"{axis}{drive}"
     if not worst[0]:

@@ -112,16 +112,8 @@ def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
         maps = [(pair.across.field, pair.up.field, plots.heat_map(name, pair, limits)) for pair in pairs]
     along = [effects.effect(sample, name, dimension) for dimension in dimensions]
     spread = effects.quantiles(sample, name) if rows.sampled else np.empty(0)
-    power = plots.power_of(spread)
     return {
-        "name": name,
-        "label": plots.label(name, power),
-        "words": ALL_METRICS[name][0],
-        "never": never,
-        "reported": _reported(plan, name, bool(along)),
-        "partial": any(any(effect.partial) for effect in along),
-        "spread": [_number(q / 10.0**power) for q in spread],
-        "effects": plots.effects_chart(name, along) if along else None,
+        **_known(plan, name, never, along, spread),
         "maps": maps,
         "data": plots.numbers(name, along, pairs, sampled=rows.sampled),
         "blank": blank,
@@ -130,13 +122,9 @@ def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
     }
 
 
-def _metric_of_totals(totals: Totals, name: str) -> dict[str, Any]:
-    """The same without rows: no quantiles, no maps."""
-    plan, spread, never = totals.plan, totals.spread[name], totals.never(name)
-    along = [totals.effect(name, dimension) for dimension in plan.dimensions] if spread.count else []
-    figures = [spread.mean, spread.deviation, spread.least, spread.greatest] if spread.count else [np.nan] * 4
-    power = plots.power_of(np.array(figures))
-    found, eligible = totals.best(name)
+def _known(plan: Plan, name: str, never: int, along: list[effects.Effect], spread: np.ndarray) -> dict[str, Any]:
+    """The part that needs no rows; `spread` has the figures of the table of spreads."""
+    power = plots.power_of(spread)
     return {
         "name": name,
         "label": plots.label(name, power),
@@ -144,8 +132,19 @@ def _metric_of_totals(totals: Totals, name: str) -> dict[str, Any]:
         "never": never,
         "reported": _reported(plan, name, bool(along)),
         "partial": any(any(effect.partial) for effect in along),
-        "spread": [_number(figure / 10.0**power) for figure in figures],
+        "spread": [_number(figure / 10.0**power) for figure in spread],
         "effects": plots.effects_chart(name, along) if along else None,
+    }
+
+
+def _metric_of_totals(totals: Totals, name: str) -> dict[str, Any]:
+    """The same without rows: no quantiles, no maps."""
+    plan, spread, never = totals.plan, totals.spread[name], totals.never(name)
+    along = [totals.effect(name, dimension) for dimension in plan.dimensions] if spread.count else []
+    figures = np.array([spread.mean, spread.deviation, spread.least, spread.greatest] if spread.count else [np.nan] * 4)
+    found, eligible = totals.best(name)
+    return {
+        **_known(plan, name, never, along, figures),
         "maps": [],
         "data": plots.numbers(name, along, [], sampled=False),
         **_best(plan, found, eligible),
