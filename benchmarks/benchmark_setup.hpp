@@ -20,11 +20,12 @@ inline Setup paper(std::int64_t steps, const ExponentialSum& kernel) {
     return s;
 }
 
-// The first metric of the first of these runs, which share registers of `Bytes` bytes.
+// The RMS error of x of the first of these runs, which share registers of `Bytes` bytes.
 template <std::size_t Bytes>
 double run_lanes(const KernelsOfWidth<Bytes>& kernels, std::span<const Setup* const> runs, bool single) {
     return (single ? measure_all(kernels.floats, runs, MetricsParams{}, 1)
-                   : measure_all(kernels.doubles, runs, MetricsParams{}, 1))[0][0];
+                   : measure_all(kernels.doubles, runs, MetricsParams{}, 1))[0]
+        .rmse_whole.x();
 }
 
 }  // namespace fracgyro
