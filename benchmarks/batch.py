@@ -20,6 +20,7 @@ from pathlib import Path
 
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode"]
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -18,6 +18,7 @@ from fracgyro.scenario.to_core import core_setup
 from fracgyro.simulation.many import at_most, threads_available
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "python/fracgyro/simulation/measure.py"]
 
 WINDOW = 2_000  # steps

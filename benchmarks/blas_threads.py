@@ -18,6 +18,7 @@ from contextlib import contextmanager
 
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["python/fracgyro/rate/allan.py", "python/fracgyro/rate/noise_terms.py"]
 
 CHILD = """

@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 from machine import command, machine, on_one_core, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode"]
 
 ROUNDS, STEPS = 15, 5000

@@ -15,7 +15,7 @@ from machine import command, machine, write
 from scipy.optimize import minimize
 from words import short
 
-DEPENDS_ON = ["pid", "linear"]
+DEPENDS_ON = ["pid", "sliding_mode"]
 NOISE = 1e-13  # m/sqrt(Hz)
 CEILINGS = (0.0035, 0.05)
 TUNED_ON, JUDGED_ON = range(2), range(100, 108)

@@ -26,6 +26,7 @@ from fracgyro.scenario.to_core import core_setup
 from machine import write
 from sources import log_of
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "composite", "joint", "integrations/firmware/*"]
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,6 +10,7 @@ import fracgyro as fg
 from fracgyro.export.compilers import SOURCES, include, system_compiler
 from machine import command, write
 
+MEASURES_CODE = True
 HERE = Path(__file__).parent
 ADAPTATIONS = ["gradient", "composite", "joint"]
 SENSING = {"full": "positions and velocities", "position": "positions only"}

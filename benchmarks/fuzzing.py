@@ -13,6 +13,7 @@ from pathlib import Path
 
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["tests/fuzz/*.py"]
 
 FUZZ = Path(__file__).resolve().parents[1] / "tests" / "fuzz"

@@ -22,8 +22,15 @@ from pathlib import Path
 
 from machine import command, machine, write
 
-DEPENDS_ON = ["pyproject.toml", "Makefile", "CMakeLists.txt", "CMakePresets.json", "tests/cpp/CMakeLists.txt"]
-DEPENDS_ON += ["python/fracgyro/simulation/simulate.py"]
+MEASURES_CODE = True
+DEPENDS_ON = [
+    "./pyproject.toml",
+    "./Makefile",
+    "./CMakeLists.txt",
+    "./CMakePresets.json",
+    "tests/cpp/CMakeLists.txt",
+    "python/fracgyro/simulation/simulate.py",
+]
 
 ROOT = Path(__file__).resolve().parent.parent
 EXTRAS = ("", "netcdf", "report", "rate", "study", "export", "cluster", "interop", "all")

@@ -11,7 +11,7 @@ from fracgyro.fractional import ExponentialSum, design
 from fracgyro.fractional.kernel import _designed
 from machine import command, machine, on_one_core, write
 
-DEPENDS_ON = ["include/fracgyro/core/kernel_design.hpp"]
+DEPENDS_ON = ["core", "include/fracgyro/core/kernel_design.hpp"]
 
 MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # minimax counts on [1e-3, 100]
 TOLERANCES = (1e-3, 1e-6, 1e-9)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "composite", "bindings/lanes_*.cpp", "benchmarks/benchmark_lanes.cpp"]
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -25,6 +25,7 @@ from fracgyro.export.web import build
 from machine import machine, write
 from PIL import Image
 
+MEASURES_CODE = True
 DEPENDS_ON = ["integrations/web/**/*"]
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -29,6 +29,7 @@ from machine import command, machine, on_one_core, write
 from peers import exponentials_numba, full_history, jax_loop, solve_ivp_oustaloup
 from peers.gyroscope import ORDER, STEP, STEPS, references
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "benchmarks/benchmark_loop.cpp", "benchmarks/peers/*"]
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -12,6 +12,7 @@ from fracgyro import _core
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, on_one_core, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode"]
 
 PAPER = fg.Scenario.paper()

@@ -24,6 +24,7 @@ from machine import command, machine, on_one_core, write
 from peers import operators
 
 DEPENDS_ON = [
+    "core",
     "include/fracgyro/core/fractional.hpp",
     "include/fracgyro/core/kernel_design.hpp",
     "include/fracgyro/core/sampled.hpp",

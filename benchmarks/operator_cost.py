@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from operator_accuracy import exponential
 from scipy.signal import lfilter
 
+MEASURES_CODE = True
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs/operators.svg"
 ORDER, STEP, SAMPLES, LONGEST = 0.9, 1e-3, 80_000, 80.0

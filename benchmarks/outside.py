@@ -11,6 +11,7 @@ import fracgyro as fg
 import numba
 from machine import command, machine, on_one_core, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "pid"]
 
 ROUNDS, CALLS = 15, 20_000

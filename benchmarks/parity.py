@@ -21,6 +21,7 @@ from fracgyro_fpga.desk import IN_FIXED
 from machine import command, machine, write
 from numpy.typing import NDArray
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "composite", "integrations/**/*", "fpga/fracgyro_fpga/**/*"]
 
 CORE = "core"  # not a target: what the FPGA is compared with in fixed

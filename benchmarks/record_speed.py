@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["python/fracgyro/rate/of_record.py"]
 
 ROWS = 10_000_000

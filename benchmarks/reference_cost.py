@@ -13,7 +13,8 @@ import fracgyro as fg
 from firmware import TARGETS, measure, tools
 from machine import write
 
-DEPENDS_ON = ["fractional_fast_terminal", "integrations/firmware/*", "include/fracgyro/control/course.hpp"]
+MEASURES_CODE = True
+DEPENDS_ON = ["sliding_mode", "integrations/firmware/*", "include/fracgyro/control/course.hpp"]
 SINES = [{"amplitude": (1.0 / k, 1.0 / k), "frequency": (k, 2.0 * k)} for k in (1.0, 2.0, 3.0)]
 KINDS: dict[str, dict[str, Any]] = {
     "sine, the paper's": {},

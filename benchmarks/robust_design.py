@@ -16,7 +16,7 @@ from scipy.linalg import LinAlgError, expm, solve_discrete_are, solve_discrete_l
 from scipy.optimize import brentq
 from words import short
 
-DEPENDS_ON = ["include/fracgyro/control/smooth_feedback.hpp"]
+DEPENDS_ON = ["lqg", "internal_model", "include/fracgyro/control/smooth_feedback.hpp"]
 STEP, STIFFNESS, DAMPING, DISTURBANCE = 1e-3, 355.3, 0.01, 1.0
 NOISE = {"F": (7.07e-5, 7.07e-5), "P": (7.07e-5,)}
 FORCE = 249.4  # RMS of the force along the reference

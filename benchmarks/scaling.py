@@ -25,6 +25,7 @@ from machine import RESULTS, command, machine, write
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode"]
 
 STEP = 1e-3

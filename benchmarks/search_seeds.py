@@ -14,7 +14,7 @@ from fracgyro_lab.comparison.tuning import Tuning
 from machine import command, machine, on_one_core, write
 from words import short
 
-DEPENDS_ON = ["pid"]
+DEPENDS_ON = ["pid", "sliding_mode", "internal_model"]
 CONTENDERS = ("pid", "paper_no_adaptation", "internal_model")
 PLACES = (("F", 0.0035), ("P", 0.05))
 NOISE = 1e-13  # m/sqrt(Hz)

@@ -16,6 +16,7 @@ from collections import Counter
 from machine import command, write
 from sources import ROOT
 
+MEASURES_CODE = True
 FIRST = "0da9e4e"
 MARK = 0.10
 # Files that programs write or that hold data: pictures, records, corpora, locks, logs, and pages made from the code.

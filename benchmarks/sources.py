@@ -10,6 +10,10 @@ count, headers and bindings replace bindings/, and all other entries are files t
 with what they import. A script that writes several logs has a dictionary LOGS of such lists instead, by the logs'
 names, and is given the name of the log to write.
 
+Simulated numbers depend on the core and its settings by the hashes of golden.json instead of by their text (golden.py),
+so that a log is behind only if they have changed; a script with MEASURES_CODE = True measures the code itself, as times
+and sizes do, and depends on the text.
+
 The hash is of tokens: comments, docstrings, layout, messages of exceptions and, outside of scripts, prose (strings
 with a space) do not count. Decision 0032 has the reasons.
 """
@@ -35,6 +39,7 @@ CORE = ROOT / "python/fracgyro/_core.pyi"  # made with the compiled module; stan
 # Headers that include alternatives, of which a log depends only on those it names.
 CHOICES = (f"{INCLUDE}/controllers/registry.hpp", f"{INCLUDE}/controllers/sliding_mode.hpp")
 ALTERNATIVES = ("controllers", "estimation")  # folders of headers that are one choice among others
+DECLARATIONS = ("DEPENDS_ON", "LOGS", "MEASURES_CODE")  # scripts state with them what the hash covers
 SHARED = ("adaptation", "gradient")
 WRITERS = {
     "bench",
@@ -50,13 +55,18 @@ SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 INPUTS = "--curves"  # an option that names a folder of inputs only, which are not in the repository
 PARTS = {"compare_track": "track", "compare_rate": "rate"}  # logs that their script knows by another word
+GOLDEN = "benchmarks/golden.json"
 WITHOUT_LOG = {
+    "golden": "hashes golden runs, which a test compares",
     "experiments_page": "runs the examples of docs/experiments.md, which a test compares",
     "front_picture": "draws docs/compare.svg, which a test compares",
     "readme_picture": "draws docs/run.svg, which a test compares",
     "record_pictures": "makes examples/records, whose figures a test compares, and their pictures",
 }
-STAMP = re.compile(r"^Sources `([0-9a-f]{16})`, commit `(\w+)`.*?(?: Made with `(.*)`\.)?$", re.MULTILINE)
+STAMP = re.compile(
+    r"^Sources `([0-9a-f]{16})`(?: with the first (\d+) golden runs)?, commit `(\w+)`.*?(?: Made with `(.*)`\.)?$",
+    re.MULTILINE,
+)
 NO_SOURCE = {".md", ".pyc", ".svg", ".png"}
 TOKENS = re.compile(
     r'//[^\n]*|/\*.*?\*/|(?P<text>"(?:\\.|[^"\\\n])*")|(?P<token>\'(?:\\.|[^\'\\\n])+\'|[\w.]+|\S)', re.DOTALL
@@ -215,22 +225,49 @@ def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
 
 def _assigned(path: Path, name: str) -> Any:
     """Value of a constant of a script, None if it has none."""
+    found = None
     for node in _tree(path).body:
+        if isinstance(node, ast.AugAssign) and _first(node.target) == name:
+            raise SystemExit(f"{path.relative_to(ROOT)}: {name} must be assigned once")
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
-            return ast.literal_eval(node.value)
-    return None
+            found = ast.literal_eval(node.value)
+    return found
 
 
 def _declared(path: Path, log: str) -> list[str]:
     return _assigned(path, "DEPENDS_ON") or (_assigned(path, "LOGS") or {}).get(Path(log).stem, [])
 
 
+def _is_golden(script: Path) -> bool:
+    """True if golden runs stand for the core and its settings."""
+    python = {path for path in _python(script) if not _packaged(path) and path.suffix == ".py"}
+    return not any(_assigned(path, "MEASURES_CODE") for path in python)
+
+
+@cache
+def _covered() -> frozenset[Path]:
+    """Modules and scenarios of the package that the golden runs use."""
+    return frozenset(path for path in _python(ROOT / "benchmarks/golden.py") if _packaged(path))
+
+
 def sources(script: Path, log: str = "") -> list[Path]:
-    """All files that the log of a script depends on, or this one of its logs."""
+    """All files that the log of a script depends on, or this one of its logs; without those that golden runs cover."""
+    found = _sources(script, log)[0]
+    if not _is_golden(script):
+        return sorted(found)
+    folders = (ROOT / INCLUDE, ROOT / "bindings")
+    return sorted(path for path in found - _covered() if not any(path.is_relative_to(folder) for folder in folders))
+
+
+def _sources(script: Path, log: str) -> tuple[set[Path], set[str]]:
+    """Files of a log, and the names of the controllers and adaptations that it is limited to."""
     python = _python(script)
     own = {path for path in python if not _packaged(path) and path.suffix == ".py"}
     declared = {entry for path in own for entry in _declared(path, log)}
     named = {entry for entry in declared if "/" not in entry}
+    known = {path.stem for folder in ALTERNATIVES for path in (ROOT / INCLUDE / folder).glob("*.hpp")} | {"core"}
+    if unknown := named - known:
+        raise SystemExit(f"{script.relative_to(ROOT)}: DEPENDS_ON has {min(unknown)}, which no header is called")
     files: set[Path] = set()
     for pattern in declared - named:
         matches = {path for path in ROOT.glob(pattern) if path.is_file() and path.suffix not in NO_SOURCE}
@@ -243,7 +280,28 @@ def sources(script: Path, log: str = "") -> list[Path]:
     core = {path for path in compiled if path.parts[len(ROOT.parts)] in ("include", "bindings")}
     if CORE in python and not core:
         compiled.update((ROOT / "bindings").glob("*.cpp"))
-    return sorted((python - {CORE}) | files | _included(compiled, named))
+    return (python - {CORE}) | files | _included(compiled, named), named
+
+
+@cache
+def _golden() -> list[tuple[str, str]]:
+    return list(json.loads((ROOT / GOLDEN).read_text(encoding="utf-8")).items())
+
+
+def golden(script: Path, log: str = "", first: int | None = None) -> dict[str, str]:
+    """Hashes of the golden runs that a log depends on, by name, of the first ones or of all; none if it needs no core.
+
+    Of controllers and adaptations only those that the script names count, without names all.
+    """
+    files, named = _sources(script, log)
+    if len(files) == len(sources(script, log)):
+        return {}
+    of_core = {"core"} | named
+    return {
+        name: found
+        for name, found in _golden()[:first]
+        if found != "refused" and (not named or of_core.issuperset(name.partition(":")[0].split(", ")))
+    }
 
 
 class _Bare(ast.NodeTransformer):
@@ -251,6 +309,10 @@ class _Bare(ast.NodeTransformer):
 
     def __init__(self, prose: bool) -> None:
         self.prose = prose
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:
+        declares = isinstance(node.targets[0], ast.Name) and node.targets[0].id in DECLARATIONS
+        return None if declares else self.generic_visit(node)
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
@@ -278,11 +340,13 @@ def tokens(path: Path) -> str:
 
 
 @cache
-def digest(script: Path, log: str = "") -> str:
-    """Hash of all sources of a script's log, 16 hexadecimal digits."""
+def digest(script: Path, log: str = "", first: int | None = None) -> str:
+    """Hash of all that a script's log depends on, 16 hexadecimal digits; `first`: with this many golden runs."""
     found = hashlib.sha256()
     for path in sources(script, log):
         found.update(f"{path.relative_to(ROOT)}\0{tokens(path)}\0".encode())
+    for name, of_run in golden(script, log, first).items():
+        found.update(f"{name}\0{of_run}\0".encode())
     return found.hexdigest()[:16]
 
 
@@ -297,7 +361,10 @@ def stamp(script: Path, arguments: Sequence[str] = (), log: str = "") -> str:
     changed = _git("status", "--porcelain", "--", *map(str, sources(script, log)))
     whole = [[], [Path(log).stem], [PARTS.get(Path(log).stem, "")]]
     partial = "" if list(arguments) in whole or arguments[0] == INPUTS else f" Made with `{shlex.join(arguments)}`."
-    return f"Sources `{digest(script, log)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
+    runs = f" with the first {len(_golden())} golden runs" if golden(script, log) else ""
+    return (
+        f"Sources `{digest(script, log)}`{runs}, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
+    )
 
 
 def behind() -> dict[str, str]:
@@ -308,13 +375,14 @@ def behind() -> dict[str, str]:
         stamped = STAMP.search(path.read_text(encoding="utf-8")) if path.is_file() else None
         if stamped is None:
             found[log] = "does not state its sources" if path.is_file() else "is missing"
-        elif stamped[3]:
-            found[log] = f"was made with {stamped[3]}"
-        elif stamped[1] != digest(script, log):
+        elif stamped[4]:
+            found[log] = f"was made with {stamped[4]}"
+        elif stamped[1] != digest(script, log, int(stamped[2]) if stamped[2] else None):
             files = [str(path.relative_to(ROOT)) for path in sources(script, log)]
-            names = _git("diff", "--name-only", stamped[2], "--", *files).split()
+            files += [GOLDEN] if golden(script, log) else []
+            names = _git("diff", "--name-only", stamped[3], "--", *files).split()
             named = f": {', '.join(names[:3])}{', …' if len(names) > 3 else ''}" if names else ""
-            found[log] = f"was made from other sources, at {stamped[2]}{named}"
+            found[log] = f"was made from other sources, at {stamped[3]}{named}"
     return found
 
 

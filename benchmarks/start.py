@@ -17,8 +17,14 @@ from pathlib import Path
 
 from machine import command, machine, write
 
-DEPENDS_ON = ["sliding_mode", "python/fracgyro/cli/main.py", "python/fracgyro/cli/simulate.py"]
-DEPENDS_ON += ["python/fracgyro/export/live.py", "python/fracgyro/export/fmu.py"]
+MEASURES_CODE = True
+DEPENDS_ON = [
+    "sliding_mode",
+    "python/fracgyro/cli/main.py",
+    "python/fracgyro/cli/simulate.py",
+    "python/fracgyro/export/live.py",
+    "python/fracgyro/export/fmu.py",
+]
 
 ROOT = Path(__file__).resolve().parent.parent
 FRACGYRO = [sys.executable, "-c", "from fracgyro.cli import main; main()"]

@@ -22,6 +22,7 @@ from xml.etree import ElementTree
 
 from machine import ROOT, command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["./pyproject.toml", "./CMakeLists.txt"]
 
 PICTURE_MARK, LAW_MARK = 180, 600  # s

@@ -29,6 +29,7 @@ from fracgyro.scenario.to_core import core_setup
 from fracgyro.simulation.many import threads_available
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py", "python/fracgyro/scenario/patched.py"]
 
 ROOT = Path(__file__).resolve().parent.parent

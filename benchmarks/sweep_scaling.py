@@ -26,6 +26,7 @@ from fracgyro.study.cluster import TASK
 from fracgyro.study.sweep.blocks import MAX_BLOCKS
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py"]
 
 # Points: with quantiles in the summary, and without.

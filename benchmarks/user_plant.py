@@ -16,6 +16,7 @@ from fracgyro.export.compilers import system_compiler
 from fracgyro.interop.matrices import matrices
 from machine import command, machine, on_one_core, write
 
+MEASURES_CODE = True
 DEPENDS_ON = [
     "sliding_mode",
     "include/fracgyro/sim/user_plant.hpp",

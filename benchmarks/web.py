@@ -16,6 +16,7 @@ from fracgyro.export.web import build
 from fracgyro.scenario.to_core import core_setup
 from machine import machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "integrations/web/*"]
 
 RUN = """

@@ -35,6 +35,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 from machine import command, machine, write
 
+MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "composite", "pid", "fpga/fracgyro_fpga/*/*", "fpga/tests/*.cpp", "fpga/tests/*.v"]
 
 ROOT = Path(__file__).resolve().parents[2]

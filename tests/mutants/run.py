@@ -25,6 +25,7 @@ import python_kills
 from compile_in import HERE, ROOT, blanked, candidates, from_table, place_of
 from compile_in import listed as listed_in_cpp
 
+MEASURES_CODE = True
 DEPENDS_ON = ["include/fracgyro/**/*.hpp", "tests/mutants/*"]
 
 BUILD = ROOT / "build/mutants"

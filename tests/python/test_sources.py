@@ -21,7 +21,7 @@ def of(script: str, log: str = "") -> set[str]:
 
 
 def forget() -> None:
-    for function in (sources._tree, sources.tokens, sources.digest):
+    for function in (sources._tree, sources.tokens, sources.digest, sources._golden, sources._covered):
         function.cache_clear()
 
 
@@ -29,7 +29,11 @@ def forget() -> None:
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A repository with one benchmark, one module and the core in two headers, of which one is an alternative."""
     files = {
-        "benchmarks/speed.py": 'import fracgyro as fg\n\nDEPENDS_ON = ["pid"]\nprint(fg.simulate(2.0), "two words")\n',
+        "benchmarks/speed.py": "import fracgyro as fg\n\nMEASURES_CODE = True\nDEPENDS_ON = ['pid']\n"
+        'print(fg.simulate(2.0), "two words")\n',
+        "benchmarks/error.py": 'import fracgyro as fg\n\nDEPENDS_ON = ["pid"]\nprint(fg.simulate(2.0), fg.draw())\n',
+        "benchmarks/golden.py": "import fracgyro as fg\n\nprint(fg.simulate(1.0))\n",
+        "benchmarks/golden.json": '{"core: kernel": "1", "pid: exact": "2", "lqg: exact": "3", "pid: late": "refused"}',
         "python/fracgyro/__init__.py": "",
         "python/fracgyro/__init__.pyi": "from .run import simulate as simulate\nfrom .page import draw as draw\n",
         "python/fracgyro/run.py": 'from . import _core\n\ndef simulate(x):\n    """Once."""\n    return 3 * x\n',
@@ -51,18 +55,21 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() -> None:
-    found = of("benchmarks/rate_sensor.py")
     assert {
-        "benchmarks/rate_sensor.py",
-        "python/fracgyro/rate/allan.py",
+        "benchmarks/firmware.py",
         "python/fracgyro/scenario/shipped/dual_mass.toml",
         "bindings/bind_loop.cpp",
         "include/fracgyro/estimation/joint.hpp",
         "include/fracgyro/core/covariance.hpp",  # included by joint.hpp
-    } <= found
-    joint = of("benchmarks/soak.py", "soak_joint")
-    assert "include/fracgyro/estimation/joint.hpp" in joint - of("benchmarks/soak.py", "soak")
-    assert "benchmarks/soak.cpp" in joint
+    } <= of("benchmarks/firmware.py")
+    found = of("benchmarks/rate_sensor.py")
+    assert {"benchmarks/rate_sensor.py", "python/fracgyro/rate/allan.py"} <= found
+    assert not [name for name in found if name.endswith((".hpp", ".toml"))]  # in the golden runs
+    soak = ROOT / "benchmarks/soak.py"
+    assert "benchmarks/soak.cpp" in of("benchmarks/soak.py", "soak_joint")
+    joint = sources.golden(soak, "soak_joint").keys() - sources.golden(soak, "soak").keys()
+    assert joint
+    assert all(name.startswith("sliding_mode, joint: ") for name in joint)
     assert {
         "fpga/benchmarks/fpga.py",  # that fpga_fixed.py imports
         "fpga/fracgyro_fpga/schedule.py",
@@ -74,10 +81,15 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
 
 
 def test_a_log_does_not_depend_on_controllers_it_does_not_use_nor_on_what_writes_logs() -> None:
+    assert not of("benchmarks/rate_sensor.py") & {"python/fracgyro/study/sweep/run.py", "benchmarks/machine.py"}
     park, joint = (f"include/fracgyro/{name}.hpp" for name in ("controllers/park_horowitz", "estimation/joint"))
-    assert not of("benchmarks/rate_sensor.py") & {park, "python/fracgyro/study/sweep/run.py", "benchmarks/machine.py"}
-    assert {park, joint} <= of("lab/compare.py")
-    assert joint not in of("benchmarks/rate_estimation.py") | of("benchmarks/kernel_design.py")
+    assert park not in of("benchmarks/firmware.py")
+    assert not {park, joint} & of("benchmarks/batch.py")
+    names = {script: sources.golden(ROOT / script) for script in ("lab/compare.py", "benchmarks/rate_estimation.py")}
+    assert {"park_horowitz: park_horowitz, exact", "sliding_mode, joint: linear, exact"} <= names[
+        "lab/compare.py"
+    ].keys()
+    assert not [name for name in names["benchmarks/rate_estimation.py"] if "joint" in name or "park" in name]
 
 
 def test_every_log_has_a_script_and_every_script_a_log() -> None:
@@ -85,7 +97,8 @@ def test_every_log_has_a_script_and_every_script_a_log() -> None:
     assert committed | set(sources.ELSEWHERE.values()) == set(sources.scripts())
     for log, script in sources.scripts().items():
         of_revisions = script.stem == "size"  # which no file of this one changes
-        assert of_revisions or len(sources.sources(script, log)) > 1, f"{log} states nothing that it depends on"
+        several = len(sources.sources(script, log)) > 1 or sources.golden(script, log)
+        assert of_revisions or several, f"{log} states nothing that it depends on"
 
 
 @pytest.mark.parametrize(
@@ -102,15 +115,15 @@ def test_every_log_has_a_script_and_every_script_a_log() -> None:
         ("python/fracgyro/run.py", "3 * x", "4 * x", True),
         ("python/fracgyro/page.py", "...", "pass", False),
         ("benchmarks/speed.py", "two words", "three words", True),
-        ("benchmarks/speed.py", '"pid"', '"pid", "lqg"', True),
+        ("benchmarks/speed.py", "'pid'", "'pid', 'lqg'", True),
+        ("benchmarks/golden.json", '"2"', '"4"', False),
     ],
 )
 def test_a_log_is_behind_only_after_a_change_that_its_numbers_may_depend_on(
     tree: Path, name: str, before: str, after: str, behind: bool
 ) -> None:
     log, script = tree / "benchmarks/results/speed.md", tree / "benchmarks/speed.py"
-    found = sources.behind()
-    assert found.pop("benchmarks/results/speed.md") == "is missing"
+    assert sources.behind()["benchmarks/results/speed.md"] == "is missing"
     log.write_text("# Speed\n", encoding="utf-8")
     assert sources.behind()["benchmarks/results/speed.md"] == "does not state its sources"
     log.write_text(f"# Speed\n\n{sources.stamp(script)}\n", encoding="utf-8")
@@ -120,6 +133,51 @@ def test_a_log_is_behind_only_after_a_change_that_its_numbers_may_depend_on(
     (tree / name).write_text(text.replace(before, after), encoding="utf-8")
     forget()
     assert ("benchmarks/results/speed.md" in sources.behind()) == behind
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "behind"),
+    [
+        ("include/fracgyro/controllers/pid.hpp", "2.0", "2.5", False),
+        ("bindings/module.cpp", "registry", "pid", False),
+        ("python/fracgyro/run.py", "3 * x", "x * 3", False),
+        ("python/fracgyro/page.py", "...", "pass", True),
+        ("benchmarks/error.py", "2.0", "3.0", True),
+        ("benchmarks/golden.json", '"1"', '"4"', True),
+        ("benchmarks/golden.json", '"2"', '"4"', True),
+        ("benchmarks/golden.json", '"3"', '"4"', False),
+        ("benchmarks/golden.json", '"refused"}', '"refused", "pid: faster": "5"}', False),
+        ("benchmarks/golden.json", '"refused"}', '"5"}', True),
+        ("benchmarks/golden.json", '"core: kernel": "1", ', "", True),
+    ],
+)
+def test_a_log_of_simulated_numbers_is_behind_if_a_golden_run_has_changed_but_not_if_one_is_new(
+    tree: Path, name: str, before: str, after: str, behind: bool
+) -> None:
+    log, script = tree / "benchmarks/results/error.md", tree / "benchmarks/error.py"
+    log.write_text(f"# Error\n\n{sources.stamp(script)}\n", encoding="utf-8")
+    assert "with the first 4 golden runs" in log.read_text(encoding="utf-8")
+    assert "benchmarks/results/error.md" not in sources.behind()
+    text = (tree / name).read_text(encoding="utf-8")
+    assert before in text
+    (tree / name).write_text(text.replace(before, after), encoding="utf-8")
+    forget()
+    assert ("benchmarks/results/error.md" in sources.behind()) == behind
+
+
+@pytest.mark.parametrize("entry", ["pidd", "pyproject.toml"])
+def test_a_dependency_that_is_neither_a_controller_nor_a_pattern_is_reported(tree: Path, entry: str) -> None:
+    script = tree / "benchmarks/speed.py"
+    script.write_text(f'DEPENDS_ON = ["{entry}"]\n', encoding="utf-8")
+    with pytest.raises(SystemExit, match=re.escape(f"speed.py: DEPENDS_ON has {entry}, which no header is called")):
+        sources.sources(script)
+
+
+def test_dependencies_are_assigned_once(tree: Path) -> None:
+    script = tree / "benchmarks/speed.py"
+    script.write_text('DEPENDS_ON = ["pid"]\nDEPENDS_ON += ["lqg"]\n', encoding="utf-8")
+    with pytest.raises(SystemExit, match=re.escape("speed.py: DEPENDS_ON must be assigned once")):
+        sources.sources(script)
 
 
 def test_a_log_made_with_arguments_is_not_the_log(tree: Path) -> None:
@@ -142,6 +200,16 @@ def test_a_pattern_that_matches_no_file_is_reported(tree: Path) -> None:
     script.write_text('DEPENDS_ON = ["bindings/*.hpp"]\n', encoding="utf-8")
     with pytest.raises(SystemExit, match=re.escape("benchmarks/speed.py: DEPENDS_ON has bindings/*.hpp")):
         sources.sources(script)
+
+
+def test_the_golden_runs_have_the_committed_hashes() -> None:
+    """If a hash must change, python benchmarks/golden.py writes the new ones, and the logs that need it are behind."""
+    import golden
+
+    committed = dict(sources._golden())
+    found = golden.golden()
+    assert [name for name in found if committed.get(name) != found[name]] == []
+    assert committed.keys() == found.keys()
 
 
 def test_the_list_needs_no_library_and_fails_only_when_asked_to() -> None:
