@@ -71,10 +71,15 @@ class Plant:
         >>> plant.step((0.0, 0.0)) == plant.motion
         True
         """
-        # None: an argument is not a plain finite number; it may be one of NumPy's.
+        if self._own is None:  # `running` takes longer than the step
+            return self._stepped(force)
         with running(self._own):
-            motion: _core.Motion | None = self._core.step(force)
-            return motion or cast(_core.Motion, self._core.step(pair("force", force)))
+            return self._stepped(force)
+
+    def _stepped(self, force: Sequence[float]) -> _core.Motion:
+        # None: an argument is not a plain finite number; it may be one of NumPy's.
+        motion: _core.Motion | None = self._core.step(force)
+        return motion or cast(_core.Motion, self._core.step(pair("force", force)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _resumed_plant, (self.scenario, self._own and self._own.plant, bytes(self._core.state))
