@@ -1,25 +1,19 @@
 """Runs a second of a sweep against the engine's own rate; writes benchmarks/results/study_rate.md.
 
-    python benchmarks/study_rate.py [--against COMMIT] [--quick]
+    python benchmarks/study_rate.py [--quick]
 
-All rows in one run, in turn. The engine's rate is that of `_core.measure_runs` with set-ups that exist already. The
-other commit's Python runs with this tree's compiled module, so that it differs in nothing else.
+All rows in one run, in turn. The engine's rate is that of `_core.measure_runs` with set-ups that exist already.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
-import sysconfig
-import tarfile
 import tempfile
 import time
 from collections.abc import Callable
-from io import BytesIO
-from pathlib import Path
 
 import fracgyro as fg
 import sweep_scaling
@@ -32,7 +26,6 @@ from machine import command, machine, write
 MEASURES_CODE = True
 DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py", "python/fracgyro/scenario/patched.py"]
 
-ROOT = Path(__file__).resolve().parent.parent
 FIELDS = ["adaptation.rate_gain", "adaptation.stiffness_gain"]
 # Steps of a run and number of runs.
 SIZES = ((1_000, 20_000), (80_001, 512))
@@ -84,20 +77,19 @@ def times(act: Callable[[], object]) -> tuple[float, float]:
 class Sweeps:
     """A process that times sweeps until their last run; their summaries take the same whatever the number of runs."""
 
-    def __init__(self, package: Path | None) -> None:
-        words, given = [sys.executable, "-c", CHILD], dict(os.environ)
-        if package is not None:
-            words.insert(1, "-S")  # or the editable installation would be found first
-            given["PYTHONPATH"] = os.pathsep.join([str(package), sysconfig.get_path("purelib")])
+    def __init__(self) -> None:
         self.process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=given, cwd=tempfile.gettempdir()
+            [sys.executable, "-c", CHILD],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=tempfile.gettempdir(),
         )
         self.send(10, 100)  # imports
 
     def send(self, count: int, steps: int) -> None:
         assert self.process.stdin is not None
-        text = sweep_scaling.study(count, 1, steps).replace("quantiles = true", "")  # a0c9d84 does not know it
-        self.process.stdin.write(json.dumps(text) + "\n")
+        self.process.stdin.write(json.dumps(sweep_scaling.study(count, 1, steps)) + "\n")
         self.process.stdin.flush()
 
     def swept(self, count: int, steps: int) -> tuple[float, float]:
@@ -108,53 +100,34 @@ class Sweeps:
         return wall, used
 
 
-def package_of(commit: str, folder: Path) -> Path:
-    """The Python of that commit with the compiled module of this tree."""
-    done = subprocess.run(["git", "archive", commit, "python/fracgyro"], cwd=ROOT, check=True, capture_output=True)
-    with tarfile.open(fileobj=BytesIO(done.stdout)) as archive:
-        archive.extractall(folder, filter="data")
-    module = Path(_core.__file__)
-    (folder / "python/fracgyro" / module.name).symlink_to(module)
-    return folder / "python"
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--against", default="a0c9d84", help="commit to compare with")
     parser.add_argument("--quick", action="store_true", help="a tenth of the runs, once; not written")
     options = parser.parse_args()
     repeats, part = (1, 10) if options.quick else (3, 1)
     rows, shares = [], []
-    with tempfile.TemporaryDirectory() as folder:
-        sweeps = {
-            f"a sweep by {options.against}": Sweeps(package_of(options.against, Path(folder))),
-            "a sweep by this tree": Sweeps(None),
+    sweeps = Sweeps()
+    for steps, all_runs in SIZES:
+        count = all_runs // part
+        made = setups(steps, count)
+        parts: dict[str, tuple[int, Callable[[], tuple[float, float]]]] = {
+            "the engine": (count, lambda steps=steps, made=made: times(lambda: engine(made, steps)))
         }
-        for steps, all_runs in SIZES:
-            count = all_runs // part
-            made = setups(steps, count)
-            parts: dict[str, tuple[int, Callable[[], tuple[float, float]]]] = {
-                "the engine": (count, lambda steps=steps, made=made: times(lambda: engine(made, steps)))
-            }
-            if steps == SIZES[0][0]:
-                parts["set-ups, the long way"] = (count // 20, lambda count=count: times(lambda: long_way(count // 20)))
-                parts["set-ups, patched"] = (count, lambda count=count: times(lambda: setups(1_000, count)))
-            for name, by in sweeps.items():
-                runs = count // 10 if by is not list(sweeps.values())[-1] and steps == SIZES[0][0] else count
-                parts[name] = (runs, lambda by=by, runs=runs, steps=steps: by.swept(runs, steps))
-            found: dict[str, list[tuple[float, float]]] = {name: [] for name in parts}
-            for _ in range(repeats):
-                for name, (_, act) in parts.items():
-                    found[name].append(act())
-            least = {
-                name: [1e6 * min(column) / parts[name][0] for column in zip(*each, strict=True)]
-                for name, each in found.items()
-            }
-            for name, (wall, used) in least.items():
-                rows.append(f"| {steps:,} | {name} | {parts[name][0]:,} | {wall:.1f} | {used:.1f} |")
-            of_engine = least["the engine"]
-            now = least["a sweep by this tree"]
-            shares.append((steps, *(a / b for a, b in zip(of_engine, now, strict=True))))
+        if steps == SIZES[0][0]:
+            parts["set-ups, the long way"] = (count // 20, lambda count=count: times(lambda: long_way(count // 20)))
+            parts["set-ups, patched"] = (count, lambda count=count: times(lambda: setups(1_000, count)))
+        parts["a sweep"] = (count, lambda count=count, steps=steps: sweeps.swept(count, steps))
+        found: dict[str, list[tuple[float, float]]] = {name: [] for name in parts}
+        for _ in range(repeats):
+            for name, (_, act) in parts.items():
+                found[name].append(act())
+        least = {
+            name: [1e6 * min(column) / parts[name][0] for column in zip(*each, strict=True)]
+            for name, each in found.items()
+        }
+        for name, (wall, used) in least.items():
+            rows.append(f"| {steps:,} | {name} | {parts[name][0]:,} | {wall:.1f} | {used:.1f} |")
+        shares.append((steps, *(a / b for a, b in zip(least["the engine"], least["a sweep"], strict=True))))
     lines = [
         "# A sweep against the engine",
         "",
@@ -169,7 +142,7 @@ def main() -> None:
         "|---|---|---|---|---|",
         *rows,
         "",
-        "Share of the engine's rate that the sweep by this tree reaches: "
+        "Share of the engine's rate that the sweep reaches: "
         + "; ".join(
             f"{wall:.2f} by wall clock and {used:.2f} by processor time with {steps:,} steps"
             for steps, wall, used in shares
