@@ -212,6 +212,16 @@ def test_the_golden_runs_have_the_committed_hashes() -> None:
     assert committed.keys() == found.keys()
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("program", sorted(path.name for path in (ROOT / "benchmarks").glob("*.cpp")))
+def test_the_programs_of_the_benchmarks_fit_the_core(program: str) -> None:
+    """Their flags do not matter: they need no more than to be valid."""
+    numbers = ["-DNUMBER=double"] if program == "soak.cpp" else []
+    words = ["-std=c++20", "-fsyntax-only", "-w", f"-I{ROOT / 'include'}", *numbers, str(ROOT / "benchmarks" / program)]
+    ran = subprocess.run(["c++", *words], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr[:2000]
+
+
 def test_the_list_needs_no_library_and_fails_only_when_asked_to() -> None:
     listed = subprocess.run(
         [sys.executable, "-I", "-S", "benchmarks/sources.py"], cwd=ROOT, capture_output=True, text=True
