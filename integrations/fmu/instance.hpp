@@ -59,7 +59,6 @@ public:
     Instance(const Instance&) = delete;  // setup_ points to reference_
     Instance& operator=(const Instance&) = delete;
     Instance() {
-        setup_.controller = params_of_kind(exported::kind);
         setup_.lists = Shared<ReferenceLists>(lists_from(exported::reference_terms, exported::reference_rows));
         reset();
     }
@@ -202,7 +201,7 @@ public:
                     return diverged();
                 }
                 if (state_.loop.step % 256 == 0) {
-                    look_at_bounds(*std::get_if<exported::kind>(&setup_.controller), state_.loop.signals.report);
+                    look_at_bounds(setup_.controller, state_.loop.signals.report);
                 }
             } else {
                 state_.loop.motion = inputs.motion;

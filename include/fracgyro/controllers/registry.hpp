@@ -115,6 +115,7 @@ inline constexpr bool drives_a_sine = []<class... Types>(List<Types...>) {
 
 // Calls visit(params, family) with the alternative held, and the family of its line in the registry.
 template <class Params, class Visit>
+    requires requires(const Params& any) { any.index(); }
 constexpr void with_params(Params&& any, Visit&& visit) {
     const auto one = [&]<std::size_t I>(std::integral_constant<std::size_t, I>) {
         if (any.index() == I) {
@@ -124,6 +125,12 @@ constexpr void with_params(Params&& any, Visit&& visit) {
     [&]<std::size_t... I>(std::index_sequence<I...>) {
         (one(std::integral_constant<std::size_t, I>{}), ...);
     }(std::make_index_sequence<controller_kinds.size()>{});
+}
+
+// The same for the parameters of one kind, where the family is not needed.
+template <class Params, class Visit>
+constexpr void with_params(Params&& own, Visit&& visit) {
+    visit(own, std::monostate{});
 }
 
 // Default parameters of a kind, one of controller_kinds.
@@ -189,7 +196,8 @@ typename C::Coefficients prepare(const typename C::Params& params, const Common&
 }
 
 // Returns true if a controller has a fractional memory, whose exponentials are designed beforehand.
-inline bool has_memory(const ControllerParams& any) {
+template <class Params>  // so that only a file that calls it compiles it
+bool has_memory(const Params& any) {
     bool has = false;
     with_controller<double>(any, [&]<class C>() {
         if constexpr (requires { C::has_memory; }) {

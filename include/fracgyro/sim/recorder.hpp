@@ -56,7 +56,8 @@ void write_row(const Snapshot<T, Report>& at, double* row) {
 }
 
 // Number of doubles in a row of these runs.
-inline std::size_t row_width_of(const ControllerParams& controller) {
+template <class Params>  // so that only a file that calls it compiles it
+std::size_t row_width_of(const Params& controller) {
     std::size_t width = 0;
     with_controller<double>(controller, [&]<class C>() { width = row_width<typename C::Report>; });
     return width;

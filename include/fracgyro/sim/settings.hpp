@@ -39,7 +39,8 @@ constexpr void for_each_device_setting(SetupLike& setup, Visit&& visit) {
     for_each_setting_of("device", setup.device, visit);
 }
 
-inline std::size_t setting_count(const Setup& setup) {
+template <class SetupLike>
+std::size_t setting_count(const SetupLike& setup) {
     std::size_t count = 0;
     for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto&) { ++count; });
     return count;
@@ -62,11 +63,13 @@ struct TakeFrom {
 }  // namespace detail
 
 // Takes every number from `values`, in that order. The setup must be of the same kind.
-inline void take_settings(Setup& setup, const double* values) {
+template <class SetupLike>
+void take_settings(SetupLike& setup, const double* values) {
     for_each_setting(setup, detail::TakeFrom{values});
     prepare_reference(setup);
 }
-inline void take_device_settings(DeviceSetup& setup, const double* values) {
+template <class SetupLike>
+void take_device_settings(SetupLike& setup, const double* values) {
     for_each_device_setting(setup, detail::TakeFrom{values});
 }
 
@@ -119,9 +122,10 @@ inline void take_sensing(Common& common, const SensingNumbers& numbers) {
 }
 
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.
-inline Setup setup_from(std::size_t kind, std::span<const double> numbers, double observer_bandwidth,
-                        std::span<const double> poles, std::span<const double> weights) {
-    Setup setup{.controller = params_of_kind(kind)};
+template <class SetupLike = Setup>  // so that only a file that calls it compiles it
+SetupLike setup_from(std::size_t kind, std::span<const double> numbers, double observer_bandwidth,
+                     std::span<const double> poles, std::span<const double> weights) {
+    SetupLike setup{.controller = params_of_kind(kind)};
     take_settings(setup, numbers.data());
     setup.common.observer_bandwidth = observer_bandwidth;
     if (ExponentialSum* const kernel = kernel_of(setup.controller)) {
