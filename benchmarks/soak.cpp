@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <iostream>
+#include <string>
 #include <vector>
 
 namespace fracgyro {
@@ -17,6 +18,13 @@ namespace {
 constexpr std::size_t lanes = 8;
 constexpr std::int64_t window = 1'000'000;  // steps before a mark over which is averaged
 constexpr std::int64_t stretch = 500;
+
+// The next number of the input; >> does not read infinity.
+double next_number() {
+    std::string word;
+    std::cin >> word;
+    return std::strtod(word.c_str(), nullptr);
+}
 
 std::vector<Setup> read_runs(std::int64_t& steps) {
     std::size_t count = 0;
@@ -28,12 +36,13 @@ std::vector<Setup> read_runs(std::int64_t& steps) {
         run.controller = params_of_kind(kind);
         std::vector<double> values(setting_count(run));
         for (double& value : values) {
-            std::cin >> value;
+            value = next_number();
         }
         take_settings(run, values.data());
         ExponentialSum* const kernel = kernel_of(run.controller);
         for (std::size_t i = 0; kernel != nullptr && i < kernel->count; ++i) {
-            std::cin >> kernel->poles[i] >> kernel->weights[i];
+            kernel->poles[i] = next_number();
+            kernel->weights[i] = next_number();
         }
     }
     return runs;

@@ -13,6 +13,7 @@ namespace fracgyro::bindings {
 void bind_fractional(nanobind::module_& m);
 void bind_controller(nanobind::module_& m);
 void bind_loop(nanobind::module_& m);
+void bind_records(nanobind::module_& m);
 void bind_settings(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_disturbance(nanobind::module_& m);

@@ -22,6 +22,7 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_loop(m);
     fracgyro::bindings::bind_stepper(m);
     fracgyro::bindings::bind_gyroscopes(m);
+    fracgyro::bindings::bind_records(m);
     fracgyro::bindings::bind_settings(m);
     fracgyro::bindings::bind_batch(m);
     fracgyro::bindings::bind_firmware(m);

@@ -19,7 +19,6 @@ from .spectrum import Line, spectrum
 Array = NDArray[np.float64]
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # 0.664: the deviation of flicker noise over B
-DIFFERENCES_PER_PASS = 2**14
 VIBRATION_RATIO = 30.0  # variance of short averages over N²: a larger ratio is reported as a vibration
 MIN_RECORD = 10  # shortest record, in units of tau
 
@@ -176,20 +175,9 @@ def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
     sums[0] = 0.0
     np.subtract(record, record.mean(dtype=np.float64), out=sums[1:])
     np.cumsum(sums[1:], out=sums[1:])
-    found = []
-    first, second = np.empty(DIFFERENCES_PER_PASS), np.empty(DIFFERENCES_PER_PASS)
-    for m in map(int, averaged):
-        count, total = len(sums) - 2 * m, 0.0
-        for begin in range(0, count, DIFFERENCES_PER_PASS):  # small enough for the cache
-            end = min(begin + DIFFERENCES_PER_PASS, count)
-            before = np.subtract(sums[begin + m : end + m], sums[begin:end], out=first[: end - begin])
-            change = np.subtract(
-                sums[begin + 2 * m : end + 2 * m], sums[begin + m : end + m], out=second[: end - begin]
-            )
-            change -= before
-            total += float(np.einsum("i,i", change, change))
-        found.append(total / count / (2.0 * float(m) ** 2))
-    return np.array(found)
+    counts = len(sums) - 2 * averaged
+    squares = np.array([_core.second_differences(sums, int(m)) for m in averaged])
+    return np.asarray(squares / counts / (2.0 * averaged.astype(np.float64) ** 2))
 
 
 def _factors(freedom: Array) -> Array:
