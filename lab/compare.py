@@ -45,16 +45,21 @@ def show(done: float, total: float, doing: str) -> None:
     print(f"\r{doing} {100 * done / total:5.1f} %", end="", file=sys.stderr, flush=True)
 
 
-def compared(task: str, quick: bool) -> Compared:
-    """Finish the comparison in the folder; one of another version or of other contenders is repeated."""
+def compared(task: str, quick: bool, again: bool) -> Compared:
+    """Finish the comparison in the folder; one of another version or of other contenders is repeated.
+
+    Searches of the committed numbers are kept where their gains have the same errors, unless all are made `again`.
+    """
+    earlier = RESULTS / f"compare-{task}.json"
+    searched = None if quick or again or not earlier.is_file() else earlier
     folder = OUT / f"{task}{'-quick' if quick else ''}"
     try:
-        return compare(task, folder, quick=quick, resume=folder.is_dir(), progress=show)
+        return compare(task, folder, quick=quick, resume=folder.is_dir(), searched=searched, progress=show)
     except ValueError as error:
         if "has another study" not in str(error):
             raise
         shutil.rmtree(folder)
-        return compare(task, folder, quick=quick, progress=show)
+        return compare(task, folder, quick=quick, searched=searched, progress=show)
 
 
 def lines_of(task: Task, rows: list[Row], limits: list[Row]) -> list[str]:
@@ -179,11 +184,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"Of {', '.join(TASKS)}; all if none is given.")
     parser.add_argument("--quick", action="store_true", help="a minute's look; the logs are marked as untuned")
+    parser.add_argument("--again", action="store_true", help="make all searches again")
     given = parser.parse_args()
     for name in given.tasks or TASKS:
         if name not in TASKS:
             parser.error(f"TASK is {name}: it must be among {', '.join(TASKS)}")
-        result = compared(name, given.quick)
+        result = compared(name, given.quick, given.again)
         if not given.quick:
             keep(result.data, f"compare-{name}.json", TASKS[name])
         write(f"compare_{name}", log_of(name, result, given.quick))

@@ -76,6 +76,12 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
     metavar="ADDRESS",
     help="Store trials in this database, for example postgresql://host/name; the password is in ~/.pgpass.",
 )
+@click.option(
+    "--searched",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="An earlier compare.json: keep its searches whose errors are still the same.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[str, ...], out: Path, as_json: bool, **options: Any) -> None:
     """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""

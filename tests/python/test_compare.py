@@ -630,6 +630,29 @@ def test_a_comparison_killed_anywhere_goes_on_to_the_same_numbers(small: Compare
     assert without_cost(resumed.data) == without_cost(small.data)
 
 
+def test_searches_of_an_earlier_comparison_are_kept_where_their_gains_have_the_same_errors(
+    small: Compared, tmp_path: Path
+) -> None:
+    earlier = json.loads(small.data.read_text(encoding="utf-8"))
+    first, *others = earlier["contenders"]
+    first["sampler_errors"] = [1.01 * first["sampler_errors"][0]]  # as if a change of the core had made it smaller
+    file = tmp_path / "earlier.json"
+    file.write_text(json.dumps(earlier), encoding="utf-8")
+    found = compare("track", tmp_path / "out", **SMALL, searched=file)
+    assert found.resumed == len(others)
+    assert without_cost(found.data) == without_cost(small.data)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"contenders": [1]}'])
+def test_a_file_without_searches_is_refused_by_its_name(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "earlier.json"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"earlier\.json is not the compare\.json of a comparison"):
+        compare("track", tmp_path / "out", **SMALL, searched=file)
+    with pytest.raises(ValueError, match=r"none\.json cannot be read: No such file"):
+        compare("track", tmp_path / "out", **SMALL, searched=tmp_path / "none.json")
+
+
 def test_an_interrupt_ends_in_one_sentence_and_leaves_whole_files(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     ran = run_until("done > 0", signal.SIGINT, *COMPARE, "compare", "track", *WORDS, "--out", folder)

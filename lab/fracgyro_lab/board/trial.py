@@ -275,7 +275,7 @@ class _Trial:
         error = None
         if stated is not None:
             (score,) = tuning.scores([stated], training)
-            error = None if score is None else _finite(tuning._error(score))
+            error = None if score is None else _finite(tuning.error(score))
         return {
             "best": best["best"],
             "stated": error,

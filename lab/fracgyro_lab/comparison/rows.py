@@ -29,6 +29,7 @@ class Tuned:
     trials: int = 0
     converged: bool | None = None  # True if the searches agree; None if there is nothing to tune
     front: list[list[float]] = field(default_factory=list)
+    found: list[dict[str, Any] | None] = field(default_factory=list)  # best values by search
 
     @classmethod
     def of(cls, result: Mapping[str, Any]) -> Tuned:
@@ -44,6 +45,7 @@ class Tuned:
             result["trials"],
             result["converged"],
             result["front"],
+            [each["best"] for each in searches],
         )
 
 
@@ -122,6 +124,7 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
         "trials": tuned.trials,
         "converged": tuned.converged,
         "sampler_errors": [_exp(error) for error in tuned.errors],
+        "sampler_values": tuned.found,
         "range_ends": [gain.field for gain in gains if gain.field in values and gain.at_end(values[gain.field])],
         "seeds": 0,
         "diverged": None,

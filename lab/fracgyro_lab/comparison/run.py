@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -15,6 +15,7 @@ from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.table import format_value
 from fracgyro.study.folder import claim, free_if_nothing_came, locked
 
+from . import kept
 from .cost import costs
 from .files import Finished, Piece
 from .output import write_gains, write_json
@@ -52,6 +53,7 @@ def compare(
     resume: bool = False,
     scheduler: str | None = None,
     storage: str | None = None,
+    searched: str | os.PathLike[str] | None = None,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Compared:
     """Tunes and evaluates every contender of a task, track or rate.
@@ -61,8 +63,9 @@ def compare(
     `scenarios`, `classes` (F: all is measured, P: positions only) and `noise` (of the positions, m/sqrt(Hz)) replace
     those of the task. `only`: names of contenders. `controller`: FILE.py:NAME, an additional contender. `trials`,
     `quick`: reduced effort. `resume`: finish the comparison in `out`. `scheduler`: address of a Dask cluster.
-    `storage`: address of a database for finished trials. `progress`: called with (runs finished, all runs, current
-    step). docs/compare.md has the rules.
+    `storage`: address of a database for finished trials. `searched`: an earlier compare.json; its searches are kept if
+    their best gains still have the same errors on the training seeds. `progress`: called with (runs finished, all runs,
+    current step). docs/compare.md has the rules.
 
     Raises ValueError for invalid input, before anything runs; an `out` that is in use or has another comparison; a
     cluster or database that cannot be used; also the errors that a user's controller raises.
@@ -100,7 +103,8 @@ def compare(
         "version": version("fracgyro"),
         "effort": asdict(plan.effort),
     }
-    with finished(plan, Path(out), resume=resume, scheduler=scheduler, progress=progress) as done:
+    earlier = {} if searched is None else kept.read(Path(searched))
+    with finished(plan, Path(out), resume=resume, scheduler=scheduler, earlier=earlier, progress=progress) as done:
         report = done.folder / "report.html"
         write_report(report, plan, list(done.rows.values()), done.limits)
         write_json(done.folder / "compare.json", {**head, "limits": done.limits}, list(done.rows.values()))
@@ -133,15 +137,17 @@ def finished(
     *,
     resume: bool,
     scheduler: str | None = None,
+    earlier: Mapping[str, Mapping[str, Any]] | None = None,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Iterator[Done]:
     """Context manager: the plan, carried out in the folder `out`, which stays locked until the end.
 
+    `earlier`: rows of an earlier comparison by name, of which searches are kept.
     Raises ValueError if `out` is in use or has the results of another plan, or the cluster cannot be used.
     """
     with workers(scheduler) as side_by_side, locked(out):
         folder = claim(out, plan.parts(), {}, resume=resume)
-        work = _Work(plan, Finished(folder), side_by_side, progress)
+        work = _Work(plan, Finished(folder), side_by_side, earlier or {}, progress)
         with free_if_nothing_came(folder, resume=resume):
             rows = work.done()
         yield Done(folder, rows, work.limits, work.judged, work.resumed)
@@ -155,9 +161,11 @@ class _Work:
         plan: Comparison,
         finished: Finished,
         side_by_side: Workers[Any],
+        earlier: Mapping[str, Mapping[str, Any]],
         progress: Callable[[float, float, str], object] | None,
     ) -> None:
         self._plan, self._finished, self._workers, self._progress = plan, finished, side_by_side, progress
+        self._earlier = earlier
         self.resumed = 0
         self.limits: list[dict[str, Any]] = []
         self.judged: dict[str, dict[str, Any]] = {}
@@ -172,6 +180,10 @@ class _Work:
         for wave in plan.waves():
             best = {name: found.values for name, found in tuned.items()}
             pieces = {row.name: plan.tuning(row, best) for row in wave}
+            for name, piece in pieces.items():
+                held = None if self._finished.has(piece) else self._earlier.get(name)
+                if held is not None and (result := kept.searches(piece, held)) is not None:
+                    self._finished.write(piece, result)
             self._run(list(pieces.values()), "tuning")
             tuned |= {name: Tuned.of(self._finished.read(piece)) for name, piece in pieces.items()}
         judgings = {

@@ -78,14 +78,15 @@ class Tuning:
         for attempt in range(ATTEMPTS):
             candidates = best[CONFIRMED * attempt :][:CONFIRMED]
             scores = self.scores(candidates, self.seeds)
-            errors = [self._error(one) if one and one.feasible else math.inf for one in scores]
+            errors = [self.error(one) if one and one.feasible else math.inf for one in scores]
             if errors and min(errors) < math.inf:
                 least = int(np.argmin(errors))
                 values = self.task.completed(self.contender, self.base, candidates[least])
                 return {"best": values, "error": errors[least]}
         return {"best": None, "error": None}
 
-    def _error(self, found: Score) -> float:
+    def error(self, found: Score) -> float:
+        """Logarithm of the error that is compared."""
         return _mean_log(found.objectives[: self.task.compared])
 
     def scores(self, points: Sequence[dict[str, Any]], seeds: Sequence[int]) -> list[Score | None]:
@@ -192,7 +193,7 @@ class _Trials:
     def _result(self, found: Score | None) -> list[Any]:
         if found is None:
             return [2 * LOST, 1.0, None, None]
-        error, compared = _mean_log(found.objectives), self._tuning._error(found)
+        error, compared = _mean_log(found.objectives), self._tuning.error(found)
         over = max((value / limit for value, limit in zip(found.constraints, self._limits, strict=True)), default=0.0)
         if found.diverged or not math.isfinite(over):
             return [LOST * (1.0 + found.diverged), 1.0, _finite(compared), _finite(max(found.constraints, default=0.0))]
