@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from .. import _core
 from ..arguments import number, signal
 from .curve import Curve
 from .inspection import HIDDEN_BELOW, Event, drift, inspect
