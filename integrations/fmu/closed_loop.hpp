@@ -10,7 +10,7 @@ namespace fracgyro {
 
 template <Controller C>
 struct IdealLoop : Stepper<C> {
-    using RunSetup = Setup;
+    using RunSetup = SetupOf<typename C::Params>;
     using Draw = Disturbance;
     static constexpr std::size_t width = row_width<typename C::Report>;
 
@@ -23,7 +23,7 @@ struct IdealLoop : Stepper<C> {
 
 template <Controller C>
 struct DeviceLoop : Stepper<C, DeviceGyroscope> {
-    using RunSetup = DeviceSetup;
+    using RunSetup = DeviceSetupOf<typename C::Params>;
     using Draw = DeviceGyroscope::Draw;
     using Loop = Stepper<C, DeviceGyroscope>;
     static constexpr std::size_t width = row_width<typename C::Report> + device_width;

@@ -59,7 +59,6 @@ public:
     Instance(const Instance&) = delete;  // setup_ points to reference_
     Instance& operator=(const Instance&) = delete;
     Instance() {
-        setup_.controller = params_of_kind(exported::kind);
         setup_.lists = Shared<ReferenceLists>(lists_from(exported::reference_terms, exported::reference_rows));
         reset();
     }
@@ -202,7 +201,7 @@ public:
                     return diverged();
                 }
                 if (state_.loop.step % 256 == 0) {
-                    look_at_bounds(*std::get_if<exported::kind>(&setup_.controller), state_.loop.signals.report);
+                    look_at_bounds(setup_.controller, state_.loop.signals.report);
                 }
             } else {
                 state_.loop.motion = inputs.motion;
@@ -352,10 +351,7 @@ private:
             }
         }
         take_settings(setup_, numbers.data());
-        if (ExponentialSum* const kernel = kernel_of(setup_.controller)) {
-            std::copy(exported::poles.begin(), exported::poles.end(), kernel->poles.begin());
-            std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
-        }
+        take_kernel(setup_.controller);
         take_sensing(setup_.common, exported::sensing);
         take_terms(setup_.disturbance, exported::terms);
         Loop::take_device(setup_, numbers.data() + setting_count(setup_));
@@ -367,6 +363,14 @@ private:
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);
         prepared_ = true;
+    }
+
+    template <class Params>
+    static void take_kernel([[maybe_unused]] Params& params) {
+        if constexpr (requires { params.kernel(); }) {
+            std::copy(exported::poles.begin(), exported::poles.end(), params.kernel().poles.begin());
+            std::copy(exported::weights.begin(), exported::weights.end(), params.kernel().weights.begin());
+        }
     }
 
     // The rule of a scenario: D has no negative eigenvalue, K none that is not positive, rounding aside.

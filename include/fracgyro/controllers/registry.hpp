@@ -20,6 +20,7 @@
 #include "fracgyro/core/entry.hpp"
 #include "fracgyro/hardware/observer.hpp"
 
+#include <tuple>
 #include <variant>
 
 namespace fracgyro {

@@ -6,8 +6,10 @@
 
 #include <cstring>
 
-#ifdef __SSE2__
+#if defined(__AVX__)
 #include <immintrin.h>
+#elif defined(__SSE2__)
+#include <emmintrin.h>  // compiles in a tenth of the time
 #endif
 
 namespace fracgyro {

@@ -4,8 +4,10 @@
 
 #include "fracgyro/core/phase.hpp"
 
-#ifdef __SSE2__
+#if defined(__AVX__)
 #include <immintrin.h>
+#elif defined(__SSE2__)
+#include <emmintrin.h>  // compiles in a tenth of the time
 #endif
 
 namespace fracgyro {
