@@ -351,10 +351,7 @@ private:
             }
         }
         take_settings(setup_, numbers.data());
-        if (ExponentialSum* const kernel = kernel_of(setup_.controller)) {
-            std::copy(exported::poles.begin(), exported::poles.end(), kernel->poles.begin());
-            std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
-        }
+        take_kernel(setup_.controller);
         take_sensing(setup_.common, exported::sensing);
         take_terms(setup_.disturbance, exported::terms);
         Loop::take_device(setup_, numbers.data() + setting_count(setup_));
@@ -366,6 +363,14 @@ private:
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);
         prepared_ = true;
+    }
+
+    template <class Params>
+    static void take_kernel([[maybe_unused]] Params& params) {
+        if constexpr (requires { params.kernel(); }) {
+            std::copy(exported::poles.begin(), exported::poles.end(), params.kernel().poles.begin());
+            std::copy(exported::weights.begin(), exported::weights.end(), params.kernel().weights.begin());
+        }
     }
 
     // The rule of a scenario: D has no negative eigenvalue, K none that is not positive, rounding aside.

@@ -146,12 +146,12 @@ struct Pd {
         double stiffness = 1.0, damping = 1.5;
 
         static constexpr auto fields() {
-            return std::tuple{field("pd_stiffness", &Params::stiffness, "1", above_0, "Of the error."),
-                              field("pd_damping", &Params::damping, "1", above_0, "Of its rate.")};
+            return Fields{field("pd_stiffness", &Params::stiffness, "1", above_0, "Of the error."),
+                          field("pd_damping", &Params::damping, "1", above_0, "Of its rate.")};
         }
     };
     struct Report {
-        static constexpr auto fields() { return std::tuple{}; }
+        static constexpr auto fields() { return Fields{}; }
     };
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};

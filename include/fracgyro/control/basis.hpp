@@ -30,7 +30,7 @@ struct BasisParams {
                                       layouts[] = {"orbit", "diagonal"};
     static constexpr auto fields() {
         using P = BasisParams;
-        return std::tuple{
+        return Fields{
             settable(Settable::beforehand,
                      choice("basis", &P::kind, kinds,
                             "phi(x): constant, 1, which is integral action; linear, 1 and positions and velocities; "

@@ -19,7 +19,7 @@ struct GuardParams {
     static constexpr auto fields() {
         using P = GuardParams;
         constexpr Range samples{.low = 0.0, .high = 1e9, .whole = true};
-        return std::tuple{
+        return Fields{
             choice("checked", &P::checked, switches,
                    "Samples are refused that the plant cannot have moved to since the last one, and those that are not "
                    "finite. The fields below say what it can; not set, they follow from the other tables. false: off."),
@@ -69,7 +69,7 @@ struct Common {
 
     static constexpr auto fields() {
         using C = Common;
-        return std::tuple{
+        return Fields{
             Inner{"reference", &C::reference},
             Inner{"adaptation", &C::nominal},
             field("force_limit", &C::force_limit, "m*omega0^2*q0", limit,

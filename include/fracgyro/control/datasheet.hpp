@@ -13,7 +13,7 @@ struct Datasheet {
     static constexpr auto fields() {
         using D = Datasheet;
         constexpr Range delays{.low = 0.0, .high = 8.0, .whole = true};
-        return std::tuple{
+        return Fields{
             fixed(field("force_noise", &D::force_noise, "m*omega0^2*q0", at_least_0,
                         "Standard deviation of the disturbing force, drawn every step. Not set: the simulated value.")),
             fixed(field("position_noise", &D::position_noise, "q0", at_least_0,

@@ -26,7 +26,7 @@ struct LinearTermParams {
 
     static constexpr auto fields() {
         using P = LinearTermParams;
-        return std::tuple{
+        return Fields{
             field("coupling", &P::coupling, "omega0^2", at_least_0,
                   "c_z, unit omega0^2: the force has -c_z e more, as backstepping has. kind fractional, "
                   "fractional_fast_terminal, or 0.0: off."),

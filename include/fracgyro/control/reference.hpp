@@ -44,7 +44,7 @@ struct ReferenceParams {
         using P = ReferenceParams;
         using enum ReferenceKind;
         constexpr Range frequencies{.low = -1e6, .high = 1e6};
-        return std::tuple{
+        return Fields{
             settable(Settable::beforehand,
                      choice("kind", &P::kind, reference_kinds,
                             "For both axes, or [x, y]. sine: offset + amplitude*sin(frequency*t + phase); sines: a sum "

@@ -8,7 +8,7 @@ namespace fracgyro {
 
 // No channels.
 struct EmptyReport {
-    static constexpr std::tuple<> fields() { return {}; }
+    static constexpr Fields<> fields() { return {}; }
 };
 
 // The estimated plant.
@@ -19,7 +19,7 @@ struct PlantReport {
 
     static constexpr auto fields() {
         using R = PlantReport;
-        return std::tuple{
+        return Fields{
             channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
             channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
             channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
@@ -34,21 +34,21 @@ struct SlidingReport : PlantReport<T> {
 
     static constexpr auto fields() {
         using R = SlidingReport;
-        return std::tuple_cat(std::tuple{momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s"))},
-                              PlantReport<T>::fields());
+        return joined(Fields{momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s"))},
+                      PlantReport<T>::fields());
     }
 };
 
 // Quality of the rate estimate.
 template <class R>
 constexpr auto rate_quality_fields() {
-    return std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
-                              "standard deviation of the estimate of the angular rate; 0 without data"),
-                      channel("rate_trusted", &R::rate_trusted, "1",
-                              "1 if the motion separates the angular rate from the other parameters and what is "
-                              "measured agrees with the model"),
-                      channel("sample_refused", &R::sample_refused, "1",
-                              "1 if the last sample was too far from the predicted one to learn from")};
+    return Fields{channel("rate_deviation", &R::rate_deviation, "omega0",
+                          "standard deviation of the estimate of the angular rate; 0 without data"),
+                  channel("rate_trusted", &R::rate_trusted, "1",
+                          "1 if the motion separates the angular rate from the other parameters and what is "
+                          "measured agrees with the model"),
+                  channel("sample_refused", &R::sample_refused, "1",
+                          "1 if the last sample was too far from the predicted one to learn from")};
 }
 
 // The estimated plant, and the quality of the rate estimate.
@@ -57,7 +57,7 @@ struct LearnedPlantReport : PlantReport<T> {
     T rate_deviation{}, rate_trusted{}, sample_refused{};
 
     static constexpr auto fields() {
-        return std::tuple_cat(PlantReport<T>::fields(), rate_quality_fields<LearnedPlantReport>());
+        return joined(PlantReport<T>::fields(), rate_quality_fields<LearnedPlantReport>());
     }
 };
 
@@ -68,7 +68,7 @@ struct AdaptiveReport : Estimates<T> {
 
     static constexpr auto fields() {
         using R = AdaptiveReport;
-        return std::tuple{
+        return Fields{
             momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s")),
             channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
             channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
@@ -89,7 +89,7 @@ struct CompositeReport : AdaptiveReport<T> {
     T sample_refused{};
 
     static constexpr auto fields() {
-        return std::tuple_cat(AdaptiveReport<T>::fields(), rate_quality_fields<CompositeReport>());
+        return joined(AdaptiveReport<T>::fields(), rate_quality_fields<CompositeReport>());
     }
 };
 

@@ -14,7 +14,7 @@ struct PlantModel {
 
     static constexpr auto fields() {
         using M = PlantModel;
-        return std::tuple{
+        return Fields{
             fixed(field("initial_damping", &M::damping, "m*omega0", any_number,
                         "D estimate at t = 0: in a scenario initial_ratio times plant.damping.")),
             fixed(field("initial_stiffness", &M::stiffness, "m*omega0^2", any_number,

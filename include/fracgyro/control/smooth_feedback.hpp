@@ -27,7 +27,7 @@ struct SmoothFeedbackParams {
 
     static constexpr auto fields() {
         using P = SmoothFeedbackParams;
-        return std::tuple{
+        return Fields{
             field(
                 "loop_bandwidth", &P::loop_bandwidth, "1", {.low = 0.02, .high = 2.5},
                 "omega h, no unit: bandwidth of the loop, in radians per step, 0.02 to 2.5. More follows closer, with "

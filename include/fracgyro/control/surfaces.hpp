@@ -34,7 +34,7 @@ struct SurfaceParams {
     static constexpr std::string_view derivatives[] = {"caputo", "riemann_liouville"};
     static constexpr auto fields() {
         using P = SurfaceParams;
-        return std::tuple{
+        return Fields{
             Inner{"controller", &P::kernel},
             field("fractional_gain", &P::fractional_gain, "omega0^(2-alpha)", above_0,
                   "lambda1 [x, y], unit omega0^(2-alpha), > 0: decay of e on the surface. Towards 0.0: off."),

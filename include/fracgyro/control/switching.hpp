@@ -32,7 +32,7 @@ struct SwitchingParams {
     static constexpr std::string_view layers[] = {"linear", "quadratic"}, times[] = {"continuous", "held"};
     static constexpr auto fields() {
         using P = SwitchingParams;
-        return std::tuple{
+        return Fields{
             field("layer_thickness", &P::layer_thickness, "q0*omega0", at_least_0,
                   "delta, unit of s, eq. (33): layer that smooths the switching. 0.0: off, pure sign."),
             choice("layer", &P::layer, layers,

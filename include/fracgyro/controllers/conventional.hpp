@@ -37,7 +37,7 @@ struct ConventionalParams {
 
     static constexpr auto fields() {
         using P = ConventionalParams;
-        return std::tuple{
+        return Fields{
             field("pll_bandwidth", &P::pll_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: natural frequency of the phase-locked loop."),
             field("amplitude_bandwidth", &P::amplitude_bandwidth, "omega0", above_0,
@@ -58,7 +58,7 @@ struct RebalanceParams {
 
     static constexpr auto fields() {
         using P = RebalanceParams;
-        return std::tuple{
+        return Fields{
             Inner{"controller", &P::loop},
             field("rebalance_bandwidth", &P::bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: of the loop that holds the sense axis at rest."),
@@ -73,7 +73,7 @@ struct ConventionalReport {
 
     static constexpr auto fields() {
         using R = ConventionalReport;
-        return std::tuple{
+        return Fields{
             channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
             channel("drive_amplitude", &R::amplitude, "q0", "amplitude of the drive axis"),
             channel("drive_frequency", &R::frequency, "omega0", "frequency of the phase-locked loop"),

@@ -33,7 +33,7 @@ struct DisturbanceRejectionParams {
     static constexpr std::string_view switches[] = {"false", "true"};
     static constexpr auto fields() {
         using P = DisturbanceRejectionParams;
-        return std::tuple{
+        return Fields{
             loop_frequency_field(&P::natural_frequency),
             field("extended_observer_bandwidth", &P::extended_observer, "omega0", above_0,
                   "omega_o, unit omega0, > 0: of the extended state observer. Times run.step below about 0.8."),
@@ -52,7 +52,7 @@ struct DisturbanceRejectionReport {
 
     static constexpr auto fields() {
         using R = DisturbanceRejectionReport;
-        return std::tuple{
+        return Fields{
             channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
             channel("lacking_acceleration", &R::lacking, "omega0^2*q0",
                     "acceleration that the observer's model of the plant lacks"),

@@ -35,7 +35,7 @@ struct DynamicSlidingParams {
 
     static constexpr auto fields() {
         using P = DynamicSlidingParams;
-        return std::tuple{
+        return Fields{
             surface_gain_field(&P::surface_gain),
             reaching_rate_field(&P::reaching_rate),
             field("force_bandwidth", &P::force_bandwidth, "omega0", above_0,
@@ -55,9 +55,9 @@ struct DynamicSlidingReport : SlidingReport<T> {
 
     static constexpr auto fields() {
         using R = DynamicSlidingReport;
-        return std::tuple_cat(
+        return joined(
             SlidingReport<T>::fields(),
-            std::tuple{momentary(channel("dynamic_surface", &R::dynamic, "q0*omega0^2", "dynamic surface sigma"))});
+            Fields{momentary(channel("dynamic_surface", &R::dynamic, "q0*omega0^2", "dynamic surface sigma"))});
     }
 };
 

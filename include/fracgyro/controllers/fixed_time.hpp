@@ -35,7 +35,7 @@ struct FixedTimeParams {
     static constexpr std::string_view reachings[] = {"explicit", "held"};
     static constexpr auto fields() {
         using P = FixedTimeParams;
-        return std::tuple{
+        return Fields{
             field("near_gain", &P::near_gain, "q0^(1-mu)*omega0", above_0,
                   "a, unit q0^(1-mu) omega0, > 0: of |e|^mu in s, which brings e to zero in finite time."),
             field("far_gain", &P::far_gain, "q0^(1-nu)*omega0", above_0,

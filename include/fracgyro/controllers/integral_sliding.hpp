@@ -30,7 +30,7 @@ struct IntegralSlidingParams {
 
     static constexpr auto fields() {
         using P = IntegralSlidingParams;
-        return std::tuple{
+        return Fields{
             surface_gain_field(&P::surface_gain),
             reaching_rate_field(&P::reaching_rate),
             field("integral_rate", &P::integral_rate, "omega0", at_least_0,

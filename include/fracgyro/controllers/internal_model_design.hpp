@@ -14,7 +14,7 @@ struct InternalModelParams {
 
     static constexpr auto fields() {
         using P = InternalModelParams;
-        return std::tuple{
+        return Fields{
             Inner{"controller", &P::feedback},
             field("learning_bandwidth", &P::learning_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: bandwidth at which forces that the nominal plant lacks are estimated at each "

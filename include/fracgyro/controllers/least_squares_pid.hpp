@@ -22,8 +22,8 @@ struct LeastSquaresPidParams {
 
     static constexpr auto fields() {
         using P = LeastSquaresPidParams;
-        return std::tuple{Inner{"controller", &P::pid},
-                          Inner{"adaptation", &P::adaptation, AdaptationParams::forgetting_fields()}};
+        return Fields{Inner{"controller", &P::pid},
+                      Inner{"adaptation", &P::adaptation, AdaptationParams::forgetting_fields()}};
     }
 };
 

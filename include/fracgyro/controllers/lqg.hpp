@@ -26,11 +26,10 @@ struct LqgParams {
 
     static constexpr auto fields() {
         using P = LqgParams;
-        return std::tuple{
+        return Fields{
             Inner{"controller", &P::feedback},
             Inner{"adaptation", &P::adaptation,
-                  std::tuple_cat(AdaptationParams::forgetting_fields(),
-                                 std::tuple{AdaptationParams::covariance_field()})},
+                  joined(AdaptationParams::forgetting_fields(), Fields{AdaptationParams::covariance_field()})},
             Inner{"datasheet", &P::datasheet},
         };
     }

@@ -47,7 +47,7 @@ struct NetworkParams {
     static constexpr std::string_view switches[] = {"false", "true"}, sources[] = {"measured", "reference"};
     static constexpr auto fields() {
         using P = NetworkParams;
-        return std::tuple{
+        return Fields{
             surface_gain_field(&P::surface_gain),
             reaching_rate_field(&P::reaching_rate),
             field("switching_force", &P::switching_force, "m*omega0^2*q0", at_least_0,
@@ -85,7 +85,7 @@ struct NetworkReport {
 
     static constexpr auto fields() {
         using R = NetworkReport;
-        return std::tuple{
+        return Fields{
             momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s")),
             momentary(channel("learned_force", &R::learned, "m*omega0^2*q0", "force of the network")),
             channel("weight_norm", &R::norm, "m*omega0^2*q0", "norm of the weights of the network"),

@@ -37,7 +37,7 @@ struct NonsingularTerminalParams {
     static constexpr auto fields() {
         using P = NonsingularTerminalParams;
         constexpr Range between_1_and_2{.low = 1.0, .high = 2.0, .strict = true};
-        return std::tuple{
+        return Fields{
             field("nonsingular_position_gain", &P::position_gain, "q0^(1-gamma1)", at_least_0,
                   "a, unit q0^(1-gamma1): of |e|^gamma1 in s. 0.0: off, the plain nonsingular surface."),
             field("nonsingular_velocity_gain", &P::velocity_gain, "q0^(1-gamma2)/omega0^gamma2", above_0,
@@ -66,8 +66,8 @@ struct NonsingularTerminalReport : PlantReport<T> {
 
     static constexpr auto fields() {
         using R = NonsingularTerminalReport;
-        return std::tuple_cat(
-            std::tuple{momentary(channel("nonsingular_surface", &R::sliding, "q0", "nonsingular terminal surface s"))},
+        return joined(
+            Fields{momentary(channel("nonsingular_surface", &R::sliding, "q0", "nonsingular terminal surface s"))},
             PlantReport<T>::fields());
     }
 };

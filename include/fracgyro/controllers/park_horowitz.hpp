@@ -24,7 +24,7 @@ struct ParkHorowitzParams {
 
     static constexpr auto fields() {
         using P = ParkHorowitzParams;
-        return std::tuple{
+        return Fields{
             field("velocity_gain", &P::velocity_gain, "omega0", above_0,
                   "gamma, unit omega0, > 0: damping of the error, u contains -gamma de/dt."),
             Inner{"adaptation", &P::adaptation, AdaptationParams::plant_fields()},

@@ -24,7 +24,7 @@ struct PidParams {
 
     static constexpr auto fields() {
         using P = PidParams;
-        return std::tuple{
+        return Fields{
             loop_frequency_field(&P::natural_frequency),
             field("damping_ratio", &P::damping_ratio, "1", above_0, "zeta, no unit, > 0: of the loop."),
             field("integral_frequency", &P::integral_frequency, "omega0", at_least_0,

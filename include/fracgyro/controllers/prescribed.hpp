@@ -33,7 +33,7 @@ struct PrescribedParams {
 
     static constexpr auto fields() {
         using P = PrescribedParams;
-        return std::tuple{
+        return Fields{
             field("bound_start", &P::bound_start, "q0", above_0,
                   "rho0, unit q0, > 0: bound of |e| at the start, where it is at least 1.2 |e|."),
             field("bound_final", &P::bound_final, "q0", above_0,
@@ -64,13 +64,12 @@ struct PrescribedReport : PlantReport<T> {
 
     static constexpr auto fields() {
         using R = PrescribedReport;
-        return std::tuple_cat(
-            std::tuple{momentary(channel("error_bound", &R::error_bound, "q0", "bound of the error, rho")),
-                       momentary(channel("barrier_frequency", &R::frequency, "omega0",
-                                         "frequency of the barrier's spring at no error, 1/(xi rho)"))},
-            PlantReport<T>::fields(),
-            std::tuple{channel("bound_widened", &R::widened, "1", "1 while the bound is wider than prescribed"),
-                       channel("bound_left", &R::left, "1", "1 from when the error was first beyond its bound")});
+        return joined(Fields{momentary(channel("error_bound", &R::error_bound, "q0", "bound of the error, rho")),
+                             momentary(channel("barrier_frequency", &R::frequency, "omega0",
+                                               "frequency of the barrier's spring at no error, 1/(xi rho)"))},
+                      PlantReport<T>::fields(),
+                      Fields{channel("bound_widened", &R::widened, "1", "1 while the bound is wider than prescribed"),
+                             channel("bound_left", &R::left, "1", "1 from when the error was first beyond its bound")});
     }
 };
 

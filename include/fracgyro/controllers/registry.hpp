@@ -20,6 +20,7 @@
 #include "fracgyro/core/entry.hpp"
 #include "fracgyro/hardware/observer.hpp"
 
+#include <tuple>
 #include <variant>
 
 namespace fracgyro {
@@ -115,7 +116,6 @@ inline constexpr bool drives_a_sine = []<class... Types>(List<Types...>) {
 
 // Calls visit(params, family) with the alternative held, and the family of its line in the registry.
 template <class Params, class Visit>
-    requires requires(const Params& any) { any.index(); }
 constexpr void with_params(Params&& any, Visit&& visit) {
     const auto one = [&]<std::size_t I>(std::integral_constant<std::size_t, I>) {
         if (any.index() == I) {
@@ -125,12 +125,6 @@ constexpr void with_params(Params&& any, Visit&& visit) {
     [&]<std::size_t... I>(std::index_sequence<I...>) {
         (one(std::integral_constant<std::size_t, I>{}), ...);
     }(std::make_index_sequence<controller_kinds.size()>{});
-}
-
-// The same for the parameters of one kind, where the family is not needed.
-template <class Params, class Visit>
-constexpr void with_params(Params&& own, Visit&& visit) {
-    visit(own, std::monostate{});
 }
 
 // Default parameters of a kind, one of controller_kinds.

@@ -36,7 +36,7 @@ struct ResonantParams {
 
     static constexpr auto fields() {
         using P = ResonantParams;
-        return std::tuple{
+        return Fields{
             Inner{"controller", &P::pid},
             field("resonator_gain", &P::resonator_gain, "omega0", at_least_0,
                   "k, unit omega0: the error at the frequencies of the reference decays at the rate k/2. k times their "

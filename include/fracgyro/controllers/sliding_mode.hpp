@@ -33,8 +33,8 @@ struct SlidingModeParams {
     const ExponentialSum& kernel() const { return surface.kernel; }
     static constexpr auto fields() {
         using P = SlidingModeParams;
-        return std::tuple{Inner{"controller", &P::surface}, Inner{"controller", &P::control},
-                          Inner{"adaptation", &P::adaptation}, Inner{"datasheet", &P::datasheet}};
+        return Fields{Inner{"controller", &P::surface}, Inner{"controller", &P::control},
+                      Inner{"adaptation", &P::adaptation}, Inner{"datasheet", &P::datasheet}};
     }
 };
 

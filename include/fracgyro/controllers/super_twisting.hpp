@@ -25,7 +25,7 @@ struct SuperTwistingParams {
 
     static constexpr auto fields() {
         using P = SuperTwistingParams;
-        return std::tuple{
+        return Fields{
             surface_gain_field(&P::surface_gain),
             field("twisting_gain", &P::twisting_gain, "q0^0.5*omega0^1.5", above_0,
                   "k1, > 0: of |s|^(1/2) sign(s); about 1.5 times the root of the mismatch's largest rate of change."),
@@ -42,9 +42,8 @@ struct SuperTwistingReport : SlidingReport<T> {
 
     static constexpr auto fields() {
         using R = SuperTwistingReport;
-        return std::tuple_cat(SlidingReport<T>::fields(),
-                              std::tuple{channel("twisting_integral", &R::integral, "m*omega0^2*q0",
-                                                 "integral w of the super-twisting law")});
+        return joined(SlidingReport<T>::fields(), Fields{channel("twisting_integral", &R::integral, "m*omega0^2*q0",
+                                                                 "integral w of the super-twisting law")});
     }
 };
 

@@ -18,7 +18,7 @@ struct ExponentialSum {
 
     static constexpr auto fields() {
         using S = ExponentialSum;
-        return std::tuple{
+        return Fields{
             settable(Settable::beforehand,
                      field("order", &S::order, "1", {.low = 0.0, .high = 1.0},
                            "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.")),

@@ -3,7 +3,7 @@
 // reference pages. Firmware never uses it, so it costs no byte there.
 //
 //     static constexpr auto fields() {
-//         return std::tuple{field("bandwidth", &P::bandwidth, "omega0", positive, "Bandwidth of the loop."), …};
+//         return Fields{field("bandwidth", &P::bandwidth, "omega0", positive, "Bandwidth of the loop."), …};
 //     }
 #pragma once
 
@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
-#include <tuple>
+#include <utility>
 
 namespace fracgyro {
 
@@ -111,6 +111,50 @@ constexpr auto& member_of(Struct& of, const Member& member) {
     }
 }
 
+template <class Outer, class Member>
+Within(Outer, Member) -> Within<Outer, Member>;
+
+namespace detail {
+template <std::size_t, class Listed>
+struct FieldAt {
+    Listed listed;
+};
+template <class, class...>
+struct FieldsAt;
+template <std::size_t... at, class... Listed>
+struct FieldsAt<std::index_sequence<at...>, Listed...> : FieldAt<at, Listed>... {
+    constexpr FieldsAt(const Listed&... listed) : FieldAt<at, Listed>{listed}... {}
+
+    template <class Visit>
+    constexpr void each(const Visit& visit) const {
+        (visit(static_cast<const FieldAt<at, Listed>&>(*this).listed), ...);
+    }
+};
+}  // namespace detail
+
+// A list of fields. A std::tuple would take three times as long to compile.
+template <class... Listed>
+struct Fields : detail::FieldsAt<std::index_sequence_for<Listed...>, Listed...> {
+    using detail::FieldsAt<std::index_sequence_for<Listed...>, Listed...>::FieldsAt;
+};
+template <class... Listed>
+Fields(const Listed&...) -> Fields<Listed...>;
+
+template <class Only>
+constexpr Only joined(const Only& only) {
+    return only;
+}
+template <class... A, class... B, class... More>
+constexpr auto joined(const Fields<A...>& a, const Fields<B...>& b, const More&... more) {
+    const auto both = [&]<std::size_t... i, std::size_t... j>(
+                          const detail::FieldsAt<std::index_sequence<i...>, A...>& a,
+                          const detail::FieldsAt<std::index_sequence<j...>, B...>& b) {
+        return Fields<A..., B...>{static_cast<const detail::FieldAt<i, A>&>(a).listed...,
+                                  static_cast<const detail::FieldAt<j, B>&>(b).listed...};
+    };
+    return joined(both(a, b), more...);
+}
+
 // Fields of a member, in a table of their own: all, or those of a list.
 struct AllFields {};
 template <class Member, class List = AllFields>
@@ -138,11 +182,10 @@ constexpr void for_each_field(std::string_view table, Struct& of, Visit&& visit,
             visit(listed.table.empty() ? table : listed.table, listed, member_of(of, listed.member));
         }
     };
-    const auto each = [&](const auto&... listed) { (one(listed), ...); };
     if constexpr (std::is_same_v<List, AllFields>) {
-        std::apply(each, fields_of<std::remove_const_t<Struct>>);
+        fields_of<std::remove_const_t<Struct>>.each(one);
     } else {
-        std::apply(each, list);
+        list.each(one);
     }
 }
 

@@ -34,7 +34,7 @@ struct AdaptationParams {
     // Fields of the laws for D, K and Ωz.
     static constexpr auto law_fields() {
         using P = AdaptationParams;
-        return std::tuple{
+        return Fields{
             field("damping_gain", &P::damping_gain, "m/q0^2", above_0,
                   "M, > 0: speed of the D estimate. Towards 0.0: off."),
             field("stiffness_gain", &P::stiffness_gain, "m*omega0^2/q0^2", above_0,
@@ -45,7 +45,7 @@ struct AdaptationParams {
     }
     static constexpr auto robustness_fields() {
         using P = AdaptationParams;
-        return std::tuple{
+        return Fields{
             field("leakage", &P::leakage, "omega0", at_least_0,
                   "Unit omega0: rate at which estimates leak back to their initial values. 0.0: off."),
             field("dead_zone", &P::dead_zone, "q0*omega0", at_least_0,
@@ -58,7 +58,7 @@ struct AdaptationParams {
     // Fields of least squares and of the joint filter.
     static constexpr auto forgetting_fields() {
         using P = AdaptationParams;
-        return std::tuple{
+        return Fields{
             field("forgetting", &P::forgetting, "omega0", at_least_0,
                   "Unit omega0: rate at which composite and joint forget, all parameters alike. 0.0: off."),
             field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
@@ -74,9 +74,7 @@ struct AdaptationParams {
                               "microcontroller. 1: off, all of it each step."));
     }
     // Fields of a controller with the laws for D, K and Ωz, without bounds.
-    static constexpr auto plant_fields() {
-        return std::tuple_cat(std::tuple{adaptive_field()}, law_fields(), robustness_fields());
-    }
+    static constexpr auto plant_fields() { return joined(Fields{adaptive_field()}, law_fields(), robustness_fields()); }
     constexpr AdaptationParams without_bounds() const {
         AdaptationParams p = *this;
         p.bound_gain = p.initial_bound = {};
@@ -84,8 +82,8 @@ struct AdaptationParams {
     }
     static constexpr auto fields() {
         using P = AdaptationParams;
-        return std::tuple_cat(
-            std::tuple{
+        return joined(
+            Fields{
                 adaptive_field(),
                 in_table("controller",
                          choice("rate_law", &P::rate_law, rate_laws,
@@ -98,13 +96,13 @@ struct AdaptationParams {
                        "knows the sensors' noise and needs no velocity. controller.adaptive false: off."),
             },
             law_fields(),
-            std::tuple{
+            Fields{
                 field("bound_gain", &P::bound_gain, "m*omega0^2, m*omega0^2/q0^2, m/q0^2", above_0,
                       "[x0, x1, x2], > 0: speed of the bound estimates (12). Towards 0.0: off."),
                 fixed(field("initial_bound", &P::initial_bound, "m*omega0^2*q0, m*omega0^2, m*omega0", at_least_0,
                             "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none.")),
             },
-            robustness_fields(), forgetting_fields(), std::tuple{covariance_field()});
+            robustness_fields(), forgetting_fields(), Fields{covariance_field()});
     }
 };
 

@@ -55,7 +55,7 @@ struct AngularRateParams {
     static constexpr auto fields() {
         using P = AngularRateParams;
         constexpr Range count{.low = 1.0, .high = 1e9, .whole = true}, steps{.low = 0.0, .high = 1e9, .whole = true};
-        return std::tuple{
+        return Fields{
             choice("kind", &P::kind, kinds, "constant: plant.angular_rate; table: only its points; else their sum."),
             fixed(field("amplitude", &P::amplitude, "omega0", any_number,
                         "height of the step or of each level, peak of sine and chirp, standard deviation of the "

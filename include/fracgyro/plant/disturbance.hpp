@@ -22,7 +22,7 @@ struct DisturbanceParams {
     // Fields, without the terms.
     static constexpr auto fields() {
         using P = DisturbanceParams;
-        return std::tuple{
+        return Fields{
             choice("kind", &P::kind, kinds, "noise: Gaussian; sine: amplitude*sin(frequency*t + phase)."),
             field("standard_deviation", &P::standard_deviation, "m*omega0^2*q0", at_least_0, "Of each held value."),
             settable(Settable::beforehand, field("hold_steps", &P::hold, "1", {.low = 1.0, .high = 1e9, .whole = true},

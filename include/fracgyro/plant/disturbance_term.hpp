@@ -27,7 +27,7 @@ struct DisturbanceTerm {
     static constexpr auto fields() {
         using P = DisturbanceTerm;
         constexpr Range count{.low = 1.0, .high = 1e9, .whole = true}, streams{.low = 0.0, .high = 1e9, .whole = true};
-        return std::tuple{
+        return Fields{
             fixed(choice("kind", &P::kind, kinds,
                          "noise: white; sine: amplitude*sin(frequency*t + phase); step: amplitude; pulse: a half-sine "
                          "of amplitude; vibration: Gaussian, with a spectrum; table: rows.")),

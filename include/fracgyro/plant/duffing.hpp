@@ -17,7 +17,7 @@ struct Duffing {
         double cubic_coupling = 0.0;     // κxy
 
         static constexpr auto fields() {
-            return std::tuple{
+            return Fields{
                 field("cubic_stiffness", &Params::cubic_stiffness, "m*omega0^2/q0^2", any_number,
                       "[x, y]: the springs pull with this times x^3, y^3 more; negative softens. Zeros: off."),
                 field("cubic_coupling", &Params::cubic_coupling, "m*omega0^2/q0^2", any_number,

@@ -18,7 +18,7 @@ struct General {
         double damping_asymmetry = 0.0, stiffness_asymmetry = 0.0;  // δ_D, δ_K
 
         static constexpr auto fields() {
-            return std::tuple{
+            return Fields{
                 field("mass_ratio", &Params::mass_ratio, "1", above_0, "mass of y over mass, which is that of x."),
                 field("damping_asymmetry", &Params::damping_asymmetry, "m*omega0", any_number,
                       "added to yx of damping, but not to xy: the force on y by the velocity of x. 0.0: symmetric."),

@@ -20,7 +20,7 @@ struct GyroscopeParams {
 
     static constexpr auto fields() {
         using P = GyroscopeParams;
-        return std::tuple{
+        return Fields{
             field("damping", &P::damping, "m*omega0", any_number, "D"),
             field("stiffness", &P::stiffness, "m*omega0^2", any_number, "K"),
             field("damping_deviation", &P::damping_deviation, "m*omega0", any_number, "Delta D"),

@@ -67,7 +67,7 @@ struct ImperfectionParams {
         using P = ImperfectionParams;
         constexpr Range bits{.low = 0.0, .high = 32.0, .whole = true}, gain{.low = -1.0, .strict = true};
         constexpr Range delays{.low = 0.0, .high = 1000.0, .whole = true};
-        return std::tuple{
+        return Fields{
             fixed(field("position_noise", &P::position_noise, "q0", at_least_0,
                         "standard deviation of the measured position, drawn again for every sample. 0.0: off.")),
             fixed(field("position_flicker", &P::position_flicker, "q0", at_least_0,

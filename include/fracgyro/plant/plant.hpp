@@ -5,7 +5,7 @@
 //         struct Params {
 //             double drag = 0.1;
 //             static constexpr auto fields() {
-//                 return std::tuple{field("drag", &Params::drag, "m*omega0", at_least_0, "Damping of both axes.")};
+//                 return Fields{field("drag", &Params::drag, "m*omega0", at_least_0, "Damping of both axes.")};
 //             }
 //         };
 //         using State = std::array<double, 4>;

@@ -7,6 +7,8 @@
 #include "fracgyro/plant/gyroscope.hpp"
 #include "fracgyro/plant/resonator.hpp"
 
+#include <tuple>
+
 namespace fracgyro {
 
 using PlantRegistry = std::tuple<Entry<"gyroscope", Gyroscope<double>, "the linear gyroscope, eq. (9)">,

@@ -10,7 +10,7 @@ namespace fracgyro {
 struct Resonator {
     struct Params {
         GyroscopeParams linear{};
-        static constexpr std::tuple<> fields() { return {}; }
+        static constexpr Fields<> fields() { return {}; }
     };
     struct Coefficients {
         Matrix<3> map{};  // columns x, ẋ, force: their effect on x and ẋ

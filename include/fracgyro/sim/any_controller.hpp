@@ -261,7 +261,7 @@ std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params
 template <Scalar T>
 struct ErasedParams {
     AnyController<T>* controller = nullptr;
-    static constexpr std::tuple<> fields() { return {}; }
+    static constexpr Fields<> fields() { return {}; }
 };
 template <Scalar T, bool velocity>
 struct Erased {

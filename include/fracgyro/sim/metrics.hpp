@@ -29,7 +29,7 @@ struct Metrics {
     static constexpr auto fields() {
         using M = Metrics;
         constexpr std::string_view length = "q0", time = "1/omega0", force = "m*omega0^2*q0", rate = "omega0";
-        return std::tuple{
+        return Fields{
             channel("rmse_whole", &M::rmse_whole, length, "RMS error, whole run"),
             channel("rmse_transient", &M::rmse_transient, length, "RMS error, transient"),
             channel("rmse_steady", &M::rmse_steady, length, "RMS error, steady"),

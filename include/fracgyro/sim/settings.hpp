@@ -17,7 +17,7 @@ constexpr void for_each_setting_of(std::string_view table, Struct& fields, Visit
     });
 }
 
-// Numbers of a run on an ideal device.
+// Numbers of a run on an ideal device, with a controller of any kind or of one.
 template <class SetupLike, class Visit>
 constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     const auto of = [&](std::string_view table, auto& fields) { for_each_setting_of(table, fields, visit); };
@@ -27,7 +27,11 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     visit(std::string_view("run"), step, std::string_view(), setup.common.step);
     visit(std::string_view("run"), steps, std::string_view(), setup.steps);
     of("controller", setup.common);
-    with_params(setup.controller, [&](auto& params, auto) { of("controller", params); });
+    if constexpr (requires { setup.controller.index(); }) {
+        with_params(setup.controller, [&](auto& params, auto) { of("controller", params); });
+    } else {
+        of("controller", setup.controller);
+    }
     of("plant", setup.plant);
     of("disturbance", setup.disturbance);
 }
@@ -39,8 +43,8 @@ constexpr void for_each_device_setting(SetupLike& setup, Visit&& visit) {
     for_each_setting_of("device", setup.device, visit);
 }
 
-template <class SetupLike>
-std::size_t setting_count(const SetupLike& setup) {
+template <class Params>
+std::size_t setting_count(const SetupOf<Params>& setup) {
     std::size_t count = 0;
     for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto&) { ++count; });
     return count;
@@ -63,13 +67,13 @@ struct TakeFrom {
 }  // namespace detail
 
 // Takes every number from `values`, in that order. The setup must be of the same kind.
-template <class SetupLike>
-void take_settings(SetupLike& setup, const double* values) {
+template <class Params>
+void take_settings(SetupOf<Params>& setup, const double* values) {
     for_each_setting(setup, detail::TakeFrom{values});
     prepare_reference(setup);
 }
-template <class SetupLike>
-void take_device_settings(SetupLike& setup, const double* values) {
+template <class Params>
+void take_device_settings(DeviceSetupOf<Params>& setup, const double* values) {
     for_each_device_setting(setup, detail::TakeFrom{values});
 }
 
