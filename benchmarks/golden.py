@@ -1,10 +1,12 @@
-"""Golden runs: the hashes of short runs that show whether the numbers of the core and its settings have changed.
+"""Golden runs: hashes of short runs and figures of rate sensors, which show whether the core's numbers have changed.
 
     python benchmarks/golden.py     writes golden.json, which a test compares with the installed module
 
-A log of simulated numbers depends on these hashes instead of the text of what makes them (docs/decisions/0058). A run
-is named after the controllers and adaptations it needs, by their headers; "core" are those that every log depends on.
-New runs go to the end, because a log names the number of runs that there were when it was made.
+A log of simulated numbers depends on golden.json instead of the text of what makes them (docs/decisions/0032). A run is
+named after the controllers and adaptations it needs, by their headers; "core" are those that every log depends on,
+"rate" those of logs that use fracgyro.rate. New runs go to the end, because a log names the number of runs that there
+were when it was made. Figures of rate sensors come from fits and libraries, whose last digits depend on the processor:
+they are the same if they agree to SAME.
 """
 
 from __future__ import annotations
@@ -12,7 +14,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
@@ -23,6 +27,8 @@ from fracgyro.scenario.named import NAMES, named
 from sources import GOLDEN, ROOT, tokens
 
 Changes = dict[str, Any]
+Golden = str | list[float]
+SAME = 1e-3  # relative
 SHIPPED = ROOT / "python/fracgyro/scenario/shipped"
 HEADERS = {
     **dict.fromkeys(("fractional_fast_terminal", "fractional", "fast_terminal", "linear"), "sliding_mode"),
@@ -194,9 +200,35 @@ def runs() -> Iterator[tuple[str, fg.Scenario, Changes]]:
             yield f"sliding_mode, joint: {name}, {adaptation}", base, changes
 
 
-def golden() -> dict[str, str]:
-    """Hashes of all runs, by name; "refused" where the scenario is."""
-    found = {}
+def rate_figures() -> Iterator[tuple[str, list[float]]]:
+    """Figures of merit of two rate sensors, and of the Allan analysis of a record with all terms and faults."""
+    noise = fg.simulate(fg.Scenario.paper().replace({"run.duration": 20.0}))["disturbance"].values[:, 0]
+    record = noise / noise.std() + 0.02 * np.cumsum(noise) / noise.std()
+    found = fg.rate.allan(record, 0.01)
+    terms = (found.angle_random_walk, found.bias_instability, found.rate_random_walk, found.quantization)
+    numbers = [number for term in terms if term for number in (term.value, term.low, term.high)]
+    yield "allan", [*found.deviation, *numbers]
+    record[5000:] += 30.0
+    record[9000] = 500.0
+    yield "inspection", [number for event in fg.rate.inspect(record, 0.01) for number in (event.time, event.size)]
+    for adaptation in ("composite", "joint"):
+        base = named("hardware").replace({"adaptation.kind": adaptation})
+        with tempfile.TemporaryDirectory() as folder:
+            figures = fg.rate.characterise(base, Path(folder) / "out", quick=True, rest=0.2)
+        for each in figures:
+            yield f"{each.key}, {adaptation}", [each.value, each.low, each.high]
+
+
+def same(committed: Golden | None, found: Golden) -> bool:
+    """True if hashes are equal, and figures within SAME."""
+    if isinstance(committed, list) and isinstance(found, list):
+        return len(committed) == len(found) and np.allclose(committed, found, rtol=SAME, atol=0.0)
+    return committed == found
+
+
+def golden() -> dict[str, Golden]:
+    """Hashes or figures of all runs, by name; "refused" where the scenario is."""
+    found: dict[str, Golden] = {}
     for order, longest, tolerance in ((0.9, 80.0, 1e-6), (0.1, 1e3, 1e-9), (0.5, 0.01, 1e-3), (0.999, 1e6, 1e-11)):
         kernel = fg.fractional.design(order, 1e-3, longest, tolerance)
         parts = [kernel.poles, kernel.weights, kernel.error]
@@ -221,6 +253,9 @@ def golden() -> dict[str, str]:
             for fault in FAULTS:
                 name = f"{header}: {fault} samples{', checked' if checked else ''}"
                 found[name] = hashed([answers for single in (False, True) for answers in faulty(base, fault, single)])
+    for name, numbers in rate_figures():
+        # JSON has no NaN.
+        found[f"rate: {name}"] = [float(f"{n:.6g}") for n in numbers if math.isfinite(n)]
     return found
 
 
@@ -229,4 +264,6 @@ if __name__ == "__main__":
     before = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     now = golden()
     in_order = {name: now[name] for name in (*(each for each in before if each in now), *now)}
-    path.write_text(json.dumps(in_order, indent=1) + "\n", encoding="utf-8")
+    kept = {name: before[name] if same(before.get(name), value) else value for name, value in in_order.items()}
+    lines = ",\n".join(f" {json.dumps(name)}: {json.dumps(value)}" for name, value in kept.items())
+    path.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")

@@ -55,6 +55,7 @@ SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 INPUTS = "--curves"  # an option that names a folder of inputs only, which are not in the repository
 PARTS = {"compare_track": "track", "compare_rate": "rate"}  # logs that their script knows by another word
+RATE = "python/fracgyro/rate"
 GOLDEN = "benchmarks/golden.json"
 WITHOUT_LOG = {
     "golden": "hashes golden runs, which a test compares",
@@ -285,23 +286,29 @@ def _sources(script: Path, log: str) -> tuple[set[Path], set[str]]:
 
 @cache
 def _golden() -> list[tuple[str, str]]:
-    return list(json.loads((ROOT / GOLDEN).read_text(encoding="utf-8")).items())
+    """Names of the golden runs, and their hashes or figures as text."""
+    found = json.loads((ROOT / GOLDEN).read_text(encoding="utf-8"))
+    return [(name, value if isinstance(value, str) else json.dumps(value)) for name, value in found.items()]
 
 
 def golden(script: Path, log: str = "", first: int | None = None) -> dict[str, str]:
-    """Hashes of the golden runs that a log depends on, by name, of the first ones or of all; none if it needs no core.
+    """Hashes or figures of the golden runs that a log depends on, by name; none if it needs no core.
+
+    `first`: of this many runs.
 
     Of controllers and adaptations only those that the script names count, without names all.
     """
     files, named = _sources(script, log)
     if len(files) == len(sources(script, log)):
         return {}
-    of_core = {"core"} | named
-    return {
-        name: found
-        for name, found in _golden()[:first]
-        if found != "refused" and (not named or of_core.issuperset(name.partition(":")[0].split(", ")))
-    }
+    uses_rate = any(path.is_relative_to(ROOT / RATE) for path in files)
+    found = {}
+    for name, value in _golden()[:first]:
+        needed = set(name.partition(":")[0].split(", ")) - {"core"}
+        used = uses_rate if needed == {"rate"} else not named or needed <= named
+        if used and value != "refused":
+            found[name] = value
+    return found
 
 
 class _Bare(ast.NodeTransformer):
