@@ -78,7 +78,6 @@ ROWS: list[tuple[str, Number]] = [(name, number) for name in SCENARIOS for numbe
 CHECKED: list[tuple[str, Number]] = [
     ("paper", "double"),
     ("16 exponentials, c = 0.6, force limit, samples checked", "float"),
-    ("linear, composite", "double"),
     ("linear, joint, positions, divided by 8", "float"),
 ]
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}

@@ -117,9 +117,7 @@ def of_the_core(scenario: fg.Scenario, number: HardwareNumber, motion: np.ndarra
 @pytest.mark.parametrize(
     ("name", "number"),
     nightly_unless(
-        lambda name, number: (
-            number == "fixed" or name in {"the paper's", "composite", "super-twisting, positions only"}
-        ),
+        lambda name, number: number == "fixed" or name == "the paper's",
         [*((name, "float") for name in SCENARIOS), ("samples checked, forces limited", "fixed")],
     ),
 )
@@ -186,6 +184,7 @@ def test_a_steady_step_has_no_operation_twice_and_none_that_nobody_needs() -> No
         assert place in found or (node.op == "constant" and node.bits in starts)
 
 
+@pytest.mark.nightly
 def test_a_controller_whose_integers_decide_is_refused_in_one_sentence() -> None:
     with pytest.raises(
         ValueError, match=r"^controller\.kind is 'lqg': it cannot be exported as hardware: counters"
@@ -247,7 +246,9 @@ def test_every_unit_with_a_fixed_point_computes_the_bits_of_the_core(tmp_path: P
         assert int(ends) > 1000 or name in ("square root", "less")
 
 
-@pytest.mark.parametrize("number", nightly_unless(lambda number: number == "float", ["float", "fixed"]))
+# Half a minute each: the same controller in fixed point answers over SPI below, and the units of floats have a test.
+@pytest.mark.nightly
+@pytest.mark.parametrize("number", ["float", "fixed"])
 def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_core(
     number: HardwareNumber, guarded: Callable[[HardwareNumber], Path], tmp_path: Path
 ) -> None:
@@ -305,6 +306,7 @@ def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_
         np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.nightly
 def test_a_motion_that_is_cut_short_is_refused(guarded: Callable[[HardwareNumber], Path]) -> None:
     folder = guarded("float")
     (folder / "motion").write_bytes(b"123")
@@ -421,16 +423,24 @@ def test_a_constant_is_inside_what_the_hardware_makes_of_it() -> None:
     assert inside(0xFFC00000) == 511 << 23 | 1 << 22
 
 
-def test_replay_on_the_simulated_hardware_has_the_parity_hash_of_float(tmp_path: Path) -> None:
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    write_run(fg.simulate(SHORT.replace({"controller.kind": "pid"})), tmp_path / "run.nc")
+    return tmp_path / "run.nc"
+
+
+@pytest.mark.nightly
+def test_replay_on_the_simulated_hardware_has_the_parity_hash_of_float(recorded: Path) -> None:
     need("FPGA")
-    run = fg.simulate(SHORT.replace({"controller.kind": "pid"}))
-    write_run(run, tmp_path / "run.nc")
-    found, expected = (fg.export.replay(tmp_path / "run.nc", target, "float") for target in ("fpga", "host"))
+    found, expected = (fg.export.replay(recorded, target, "float") for target in ("fpga", "host"))
     assert found.difference is None
     assert (found.steps, found.hash) == (STEPS + 1, expected.hash)
+
+
+def test_hardware_has_number_types_of_its_own(recorded: Path) -> None:
     with pytest.raises(ValueError, match=r"^number is double: it must be float or fixed for fpga$"):
-        fg.export.replay(tmp_path / "run.nc", "fpga")
+        fg.export.replay(recorded, "fpga")
     with pytest.raises(
         ValueError, match=r"^number is fixed: it must be float or double for host; only fpga has fixed$"
     ):
-        fg.export.replay(tmp_path / "run.nc", "host", "fixed")
+        fg.export.replay(recorded, "host", "fixed")

@@ -15,6 +15,7 @@ from children import PATIENCE
 from click.testing import CliRunner
 from fracgyro.cli import cli
 from fracgyro.files import MAX_INPUT, one_line, reason, whole_file
+from nightly import nightly_unless
 
 PAPER = fg.Scenario.paper()
 BOUNDED = PAPER.replace({"controller.switching_limit": 0.5})
@@ -221,7 +222,7 @@ for name, write in writers.items():
 """
 
 
-@pytest.mark.parametrize("limit", [300, 2000])
+@pytest.mark.parametrize("limit", nightly_unless(lambda limit: limit == 2000, [300, 2000]))
 def test_on_a_full_disk_every_writer_ends_in_one_sentence_and_leaves_no_file(tmp_path: Path, limit: int) -> None:
     command = [sys.executable, "-B", "-c", WRITE_ALL, str(limit)]
     ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE)

@@ -107,7 +107,10 @@ LOOPS = [
 ]
 # Loops that `make test` compiles. The parity of every kind is also tested where it compiles faster.
 OFTEN = (*IN_BOTH, "PID behind the filter", "disturbances that add up")
-EVERY_TIME = [*((name, dict(reversed(LOOPS))[name]) for name in OFTEN), ("the paper's, whole", "3.0")]
+EVERY_TIME = [(name, dict(reversed(LOOPS))[name]) for name in OFTEN]
+# One FMU of each version, for tests that need another one, or any.
+OTHER: dict[Fmi, fg.Scenario] = {"2.0": SI, "3.0": LIST}
+CHECKED = SHORT.replace({"controller.force_limit": 6000.0, "guard.checked": True})
 
 
 @pytest.fixture(scope="session")
@@ -330,7 +333,7 @@ def test_feedforward_takes_inputs_for_a_parabola_in_the_middle_of_the_step(
     np.testing.assert_allclose(lacks[5:-5], step / 2 * third[5:-5], rtol=0, atol=0.1 * step / 2 * np.abs(third).max())
 
 
-@pytest.mark.parametrize("content", ["loop", "controller"])
+@pytest.mark.parametrize("content", nightly_unless(lambda content: content == "controller", ["loop", "controller"]))
 def test_the_papers_sine_as_input_gives_the_run_in_si_units(
     made: Callable[..., str], tmp_path: Path, content: Content
 ) -> None:
@@ -467,7 +470,7 @@ def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(
     assert other.get("controller.layer_thickness") == 0.1
     other.step(0.7, 0.3)
     assert [other.get("position.x"), other.get("bound_estimate[2]")] == expected
-    stranger = Instance(made(SINE, fmi), tmp_path / "3").start()
+    stranger = Instance(made(OTHER[fmi], fmi), tmp_path / "3").start()
     assert stranger.complaint(lambda: stranger.load(saved)) == "the serialized state is not of this FMU"
 
 
@@ -548,7 +551,7 @@ def test_a_step_comes_between_initialization_and_end_alone(made: Callable[..., s
 
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_a_step_that_would_take_for_ever_is_refused(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
-    fmu = Instance(made(SHORT, fmi, "controller"), tmp_path).start()
+    fmu = Instance(made(CHECKED, fmi, "controller"), tmp_path).start()
     said = fmu.complaint(lambda: fmu.step(0.0, 1e9))
     assert said == "the communication step is 1e+09: it must be at most 10000, ten million steps of the controller"
 
@@ -577,9 +580,8 @@ def test_a_motion_that_its_bounds_ended_is_told_so_to_the_logger(made: Callable[
 def test_a_sample_that_is_not_believed_is_warned_of_and_leaves_no_force_without_end(
     made: Callable[..., str], tmp_path: Path, fmi: Fmi
 ) -> None:
-    scenario = SHORT.replace({"controller.force_limit": 6000.0, "guard.checked": True})
-    expected, ours = fg.simulate(scenario), fg.Controller(scenario)
-    fmu = Instance(made(scenario, fmi, "controller"), tmp_path).start()
+    expected, ours = fg.simulate(CHECKED), fg.Controller(CHECKED)
+    fmu = Instance(made(CHECKED, fmi, "controller"), tmp_path).start()
     for n in range(200):
         position, velocity = expected["position"].values[n].copy(), expected["velocity"].values[n].copy()
         position[0] += {100: 1e300, 101: 3.0}.get(n, 0.0)
@@ -606,10 +608,14 @@ def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], t
     assert said == ["the GUID is not this FMU's: the model description belongs to another FMU"]
 
 
-def test_units_convert_to_si(made: Callable[..., str]) -> None:
+@pytest.mark.usefixtures("no_binaries")
+def test_units_convert_to_si(tmp_path: Path) -> None:
     def factor(scenario: fg.Scenario, name: str) -> tuple[float, float]:
         """Unit of the variable, and its powers of kg, m, s as one number."""
-        description = fmpy.read_model_description(made(scenario, "3.0"))
+        path = tmp_path / f"{scenario.run.units}.fmu"
+        if not path.exists():
+            fg.export.fmu(scenario, path, fmi="3.0")
+        description = fmpy.read_model_description(path)
         unit = next(v.unit for v in description.modelVariables if v.name == name)
         base = next(u.baseUnit for u in description.unitDefinitions if u.name == unit)
         return base.factor, base.kg * 100 + base.m * 10 + base.s
@@ -634,11 +640,11 @@ def test_the_description_says_what_may_be_changed_and_what_it_means(made: Callab
     assert (fixed.causality, fixed.variability, fixed.type) == ("parameter", "fixed", "Integer")
     assert (variables["controller.order"].variability, variables["controller.order"].start) == ("constant", "0.9")
     assert "plant.angular_rate" not in {
-        v.name for v in fmpy.read_model_description(made(SHORT, "2.0", "controller")).modelVariables
+        v.name for v in fmpy.read_model_description(made(CHECKED, "2.0", "controller")).modelVariables
     }
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("fmi", nightly_unless(lambda fmi: fmi == "2.0", VERSIONS))
 def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fg.export.fmu(SHORT, tmp_path / "again.fmu", fmi=fmi)
     assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
@@ -646,7 +652,9 @@ def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_pa
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a binary of Linux is looked at with its own tool")
 @pytest.mark.parametrize(
-    ("scenario", "content"), [(SHORT, "controller"), (SHORT, "loop"), (DEVICE, "loop")], ids=["law", "loop", "device"]
+    ("scenario", "content"),
+    [(CHECKED, "controller"), (SHORT, "loop"), pytest.param(DEVICE, "loop", marks=pytest.mark.nightly)],
+    ids=["law", "loop", "device"],
 )
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_a_binary_for_linux_needs_only_libc(
@@ -738,6 +746,7 @@ def test_without_fmpy_it_says_what_to_install(tmp_path: Path, monkeypatch: pytes
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("no_binaries")
 def test_the_command_writes_one(tmp_path: Path) -> None:
     from click.testing import CliRunner
 

@@ -215,6 +215,7 @@ def test_a_sweep_without_noise_gives_the_device_and_its_drives() -> None:
     assert np.abs(found.model - response).max() < 2e-5 * np.abs(response).max()
 
 
+@pytest.mark.nightly
 def test_the_errors_of_six_sweeps_follow_their_intervals() -> None:
     at = frequencies()
     clean = DUAL_MASS.response(at, DRIVE, THROUGH, 0.7)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import fracgyro as fg
 import numpy as np
 import pytest
 from bench_records import DUAL_MASS
 from fracgyro.identification.first_stage import Fitted
+from fracgyro.identification.results import Result
 from nightly import nightly_unless
 from scipy.linalg import expm
 
@@ -38,10 +40,14 @@ def forced(delay: float, seed: int, noise: float = 1e-3) -> fg.identify.Record:
     return fg.identify.Record(*motion, interval=DUAL_MASS.interval(PER_PERIOD), force=force)
 
 
+@cache
+def identified(delay: float) -> Result:
+    return fg.identify(forced(delay, seed=round(10 * delay)))
+
+
 @pytest.mark.parametrize("delay", nightly_unless(lambda delay: delay != 0.7, [0.0, 3.0, 2.4, 0.7]))
 def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None:
-    record = forced(delay, seed=round(10 * delay))
-    found = fg.identify(record)
+    found = identified(delay)
     (fit,) = found.groups
     assert isinstance(fit, Fitted)
     assert fit.delay is not None
@@ -51,7 +57,7 @@ def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None
         assert abs(total - delay) < 4 * deviation
     else:
         assert (fit.delay.samples, fit.delay.fraction) == (delay, 0.0)
-    assert found["delay"].value == pytest.approx(total * record.interval)
+    assert found["delay"].value == pytest.approx(total * DUAL_MASS.interval(PER_PERIOD))
     turn = fit.unit / DUAL_MASS.omega
     scale = np.array([turn**2] * 4 + [turn] * 4 + [turn**2] * 4)
     error = fit.fit.parameters * scale - np.concatenate([DUAL_MASS.parameters, DRIVE.ravel()])
@@ -60,6 +66,7 @@ def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None
     assert not [each for each in found.tests if each.verdict == "fail"]
 
 
+@pytest.mark.nightly
 def test_a_record_without_noise_gives_the_fraction_of_the_interval() -> None:
     found = fg.identify(forced(1.6, seed=1, noise=1e-7))
     (fit,) = found.groups
@@ -70,13 +77,13 @@ def test_a_record_without_noise_gives_the_fraction_of_the_interval() -> None:
 
 
 def test_the_scenario_has_the_delay_in_whole_steps_which_the_controller_knows() -> None:
-    scenario = fg.Scenario.from_toml(fg.identify(forced(3.0, seed=30)).to_toml())
+    scenario = fg.Scenario.from_toml(identified(3.0).to_toml())
     assert scenario.device.delay == scenario.datasheet.delay == 8
     assert 8 * scenario.run.step == pytest.approx(3 * 2 * np.pi / PER_PERIOD, rel=1e-3)
 
 
 def test_a_delay_below_half_a_step_is_no_step_and_is_written_above_the_field() -> None:
-    text = fg.identify(forced(0.0, seed=0)).to_toml()
+    text = identified(0.0).to_toml()
     scenario = fg.Scenario.from_toml(text)
     assert (scenario.device.delay, scenario.run.step) == (0, fg.Scenario.shipped("dual_mass").run.step)
     assert re.search(r"# Identified from record: delay 0 s, \+- [\d.e-]+ s; 0 steps of this run\.\ndelay = 0", text)

@@ -44,16 +44,28 @@ def test_the_covariance_of_the_state_is_that_of_quadrature(interval: float) -> N
         np.testing.assert_allclose(found[axis], expected, rtol=1e-10, atol=1e-14 * expected.max())
 
 
+def thermal_motion_is_found(found: Fitted) -> None:
+    expected = 2 * SIZE**2 * np.diag(IN_AIR.principal[1]) * [1.0, IN_AIR.ratio**2]
+    scaled = found.fit.thermal.thermal * (found.unit / IN_AIR.omega) ** 3
+    np.testing.assert_array_less(np.abs(scaled - expected), 4 * found.fit.thermal.deviation)
+
+
+def test_thermal_motion_is_found_within_its_interval() -> None:
+    found = fit(0)
+    thermal_motion_is_found(found)
+    assert found.fit.thermal.is_thermal
+    assert squared(found) < 26.2  # chi^2 with 8 degrees of freedom: 99.9 %
+
+
+@pytest.mark.nightly
 def test_errors_in_thermal_motion_follow_their_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
     found = [fit(seed) for seed in range(6)]
     # chi^2 with 48 degrees of freedom: 0.1 % and 99.9 %.
     assert 22.0 < sum(map(squared, found)) < 84.0
     relative = [each.fit.thermal.deviation / each.fit.thermal.thermal for each in found]
     assert 0.05 < np.mean(relative) < 0.3
-    expected = 2 * SIZE**2 * np.diag(IN_AIR.principal[1]) * [1.0, IN_AIR.ratio**2]
     for each in found:
-        scaled = each.fit.thermal.thermal * (each.unit / IN_AIR.omega) ** 3
-        np.testing.assert_array_less(np.abs(scaled - expected), 4 * each.fit.thermal.deviation)
+        thermal_motion_is_found(each)
     monkeypatch.setattr(thermal, "BOUND", -1.0)  # all noise is white
     assert sum(squared(fit(seed)) for seed in range(3)) > 150.0
 

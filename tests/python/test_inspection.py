@@ -56,7 +56,7 @@ FAULTS: dict[str, tuple[Array, str, float, float]] = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", nightly_unless(lambda fault: fault != "moved", FAULTS))
 def test_a_fault_is_named_with_its_time_and_size(fault: str) -> None:
     record, kind, time, size = FAULTS[fault]
     found = {event.kind: event for event in fg.rate.inspect(record, INTERVAL)}

@@ -225,7 +225,7 @@ def _no_better(scenario: fg.Scenario, runs: Any) -> None:
 # -- Properties --------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.sampled_from(sorted(DEVICES)),
     st.sampled_from("FP"),

@@ -256,6 +256,7 @@ def test_python_has_the_names_that_the_guide_uses_from_matlab() -> None:
     assert set(re.findall(r'run\{"(\w+)"\}', code)) <= set(run.variables)
 
 
+@pytest.mark.nightly
 def test_the_readme_of_the_folder_runs(tmp_path: Path) -> None:
     fg.export.matlab(LIMITED, tmp_path / "out")
     readme = (tmp_path / "out/README.md").read_text(encoding="utf-8")

@@ -66,10 +66,12 @@ class Response:
 
     def gain(self, frequency: Array, interval: float) -> Array:
         """|H|² at these frequencies, in Hz."""
-        sine = 2 * np.sin(np.pi * frequency * interval)
-        tangent = 2 * np.tan(np.pi * frequency * interval) * self.time / interval
         if self.time == 0:
             return np.ones_like(frequency)
+        if self.kind.endswith("bilinear"):
+            tangent = 2 * np.tan(np.pi * frequency * interval) * self.time / interval
+        else:
+            sine = 2 * np.sin(np.pi * frequency * interval)
         if self.kind == "first order":
             keep = math.exp(-interval / self.time)  # from one sample to the next
             return np.asarray((1 - keep) ** 2 / ((1 - keep) ** 2 + keep * sine**2))
@@ -122,7 +124,8 @@ class _Model:
         self.freedom, self.interval = spectrum.freedom[part], spectrum.interval
         self.terms, self.kind, self.shape = terms, kind, shape
         self.unknowns = len(terms) + (kind is not None)
-        self._plain = densities(spectrum, shape)[part]
+        self._plain = densities(spectrum, shape)[part][:, terms]
+        self._behind = [i for i, term in enumerate(terms) if term != QUANTIZATION]
         smooth = np.exp(_smoothed(np.log(self.power), self.freedom))
         self._start = smooth
         self._root = np.sqrt(self.freedom)
@@ -130,10 +133,11 @@ class _Model:
     def columns(self, time: float) -> Array:
         """Densities for unit terms behind a response with this time constant: (bands, terms)."""
         if self.kind is None:
-            return self._plain[:, self.terms]
+            return self._plain
         gain = Response(time, self.kind).gain(self.frequency, self.interval)
-        columns = self._plain[:, self.terms]
-        columns[:, [i for i, term in enumerate(self.terms) if term != QUANTIZATION]] *= gain[:, None]
+        columns = self._plain.copy(order="K")
+        for i in self._behind:
+            columns[:, i] *= gain
         return columns
 
     def score(self, density: Array) -> float:
