@@ -2,8 +2,9 @@
 #include "modes.hpp"
 #include "scalars.hpp"
 
+#include "fracgyro/plant/duffing.hpp"
+
 #include <algorithm>
-#include <array>
 
 namespace fracgyro::testing {
 namespace {
@@ -128,6 +129,32 @@ TEST(WholeAngle, IsSlowedDownByTheDampersIfItIsFasterThanTheirDrift) {
         const double mean = s.plant.rate - whole_turn<Angle>(s, expected).rate;
         EXPECT_NEAR(mean, expected, 1e-4 * expected) << share;
     }
+}
+
+// An ellipse that no force straightens, on springs that harden alike in all directions: its line turns at
+// (2/3) 2πΔf b/a, which is 839.8 deg/h.
+TEST(WholeAngle, TurnsWithAnEllipseOnAQuarticPotential) {
+    constexpr double shift = 1e-4, ratio = 9.72e-4, kappa = 8.0 / 3.0 * shift;  // 1 Hz; b/a
+    const auto s = disc(angle_loops(), 0.0);
+    WholeAngleParams p = angle_loops();
+    p.quadrature_bandwidth = 1e-9;
+    const auto c = Angle::prepare(p, s.common);
+    Angle::State state{};
+    Duffing::Params springs{.cubic_stiffness = {kappa, kappa}, .cubic_coupling = kappa};
+    springs.linear.stiffness = {1.0, 0.0, 1.0};
+    springs.linear.initial_position = {0.0, ratio};
+    springs.linear.initial_velocity = {1.0, 0.0};
+    const auto plant = Duffing::prepare(springs, step);
+    Duffing::State motion = Duffing::start(springs);
+    double first = 0.0, last = 0.0;
+    for (int n = 0; n <= 300'000; ++n) {
+        const auto signals = Angle::step(state, c, Duffing::motion(motion));
+        Duffing::step(motion, plant, signals.force, {}, {});
+        (n == 100'000 ? first : last) = signals.report.angle;
+    }
+    const double expected = 2.0 / 3.0 * shift * ratio;
+    EXPECT_NEAR(expected / deg_h, 839.8, 0.1);
+    EXPECT_NEAR((last - first) / (200'000 * step) / expected, 1.0, 0.005);
 }
 
 // A line that turns at 1 deg/s: 1.4e-8 rad a step, which no number near 1 in single precision can hold.

@@ -64,13 +64,15 @@ struct ModeReversal {
     using Params = ModeReversalParams;
     using Report = ModeReversalReport<T>;
     using Held = ConventionalGyroscope<T, true>;
+    using Phase = PhaseOf<T>;
     static constexpr bool measures_velocity = false;
     static constexpr bool drives_a_sine = true;  // along the angle, at the frequency of the reference of x
 
     // Steps at an angle, of a swing, and of settling; phases in 2^-64 turns.
     struct Coefficients {
         typename Held::Coefficients held{};
-        std::uint64_t interval = 1, swing = 0, settling = 0, start = 0, per_step = 0;
+        std::uint64_t interval = 1, swing = 0, settling = 0, per_step = 0;
+        typename Phase::Type start{};
     };
     struct State {
         typename Held::State held{};
@@ -95,15 +97,15 @@ struct ModeReversal {
                 .interval = most,
                 .swing = swings,
                 .settling = settling < most ? settling : most - 1,
-                .start = phase_of(p.start_angle),
-                .per_step = swings > 0 ? quarter / swings : 0};
+                .per_step = swings > 0 ? quarter / swings : 0,
+                .start = typename Phase::Type{} + phase_of(p.start_angle)};
     }
 
     static Report report(const State& state, const Coefficients& c) {
         Report report{};
         static_cast<ConventionalReport<T>&>(report) = Held::report(state.held, c.held);
         report.rate = state.rate;
-        report.angle = T(6.28318530717958647693) * T(turns_of<detail::Built<T>>(at(state, c).phase));
+        report.angle = T(6.28318530717958647693) * Phase::turns(c.start + at(state, c).turned);
         report.bias = state.bias;
         return report;
     }
@@ -134,7 +136,7 @@ struct ModeReversal {
         if (c.swing == 0 && here.since == 0 && steps(state) > 0) {
             change_axes(state);
         }
-        const SineCosine<T> turn = sine_cosine<T>(here.phase);
+        const SineCosine<T> turn = Phase::sine_cosine(c.start + here.turned);
         const Vec2<T> p{turn.cosine, turn.sine}, n = turned(p);
         const auto into = [&](const Vec2<T>& a) { return Vec2<T>{dot(p, a), dot(n, a)}; };
         const auto back = [&](const Vec2<T>& a) { return a.x() * p + a.y() * n; };
@@ -159,9 +161,9 @@ struct ModeReversal {
 private:
     static constexpr std::uint64_t quarter = std::uint64_t{1} << 62;
     static std::uint64_t cycle(const Coefficients& c) { return 2 * (c.interval + c.swing); }
-    // The angle, the steps since it began, and which it is.
+    // The way from the first angle, the steps since this one began, and which it is.
     struct Place {
-        std::uint64_t phase = 0, since = 0;
+        std::uint64_t turned = 0, since = 0;
         bool other = false;
     };
     static Place at(const State& state, const Coefficients& c) {
@@ -169,7 +171,7 @@ private:
         const bool other = state.place >= half;
         const std::uint64_t since = other ? state.place - half : state.place;
         const std::uint64_t swung = since < c.interval ? 0 : (since - c.interval) * c.per_step;
-        return {c.start + (other ? quarter - swung : swung), since, other};
+        return {other ? quarter - swung : swung, since, other};
     }
     // Turns the axes by 90°, with what the loops know.
     static void change_axes(State& state) {
