@@ -9,7 +9,7 @@
 namespace fracgyro::testing {
 namespace {
 
-constexpr double fast = 200.0 * deg_s, split = 0.5e-4;  // of a rotation, and of the frequencies: 0.5 Hz
+constexpr double fast = 200.0 * deg_s, split = 0.5e-4;  // the rotation; the relative split, 0.5 Hz
 
 using Angle = WholeAngle<double>;
 DeviceSetupOf<WholeAngleParams> equal_axes() {

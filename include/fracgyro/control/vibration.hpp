@@ -1,6 +1,6 @@
 // A vibration from its positions: demodulation, and a drive that keeps it at its resonance and amplitude by a
-// phase-locked loop (PLL) and an automatic gain control (AGC). Shared by the controllers that measure a rate or an angle
-// by a vibration of their own.
+// phase-locked loop (PLL) and an automatic gain control (AGC). Shared by the controllers that measure by a vibration of
+// their own.
 //
 //    One oscillator (NCO) of phase θ serves all. Each position z is demodulated by least mean squares, which leaves no
 //    ripple at twice the frequency, with one pole at μ/h:

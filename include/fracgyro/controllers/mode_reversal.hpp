@@ -8,10 +8,10 @@
 //        q′ = R(-ϑ_c) q        u = R(ϑ_c) u′        s₀ (Ωz + b)        s₉₀ (Ωz - b)        b = p sin 2(ϑ_τ - ϑ₀)
 //        Ω̂z = s - b̂ at ϑ₀        Ω̂z = s + b̂ at ϑ₀ + 90°        b̂ = ½(s̄₀ - s̄₉₀)
 //
-//    s̄ are the means of the last two intervals without their settling times, in which the estimate is held. The mean over
-//    two intervals is ½(s₀ + s₉₀): of the bias b it leaves ½b times the difference of the scale factors. Between them the
-//    vibration is swung at a rate, for which a high quality factor asks, or it is stopped on one axis and started on the
-//    other. A first angle ϑ₀ at the dampers' axis has no bias.
+//    s̄ are the means of the last two intervals without their settling times, in which the estimate is held. Over two
+//    intervals the mean is ½(s₀ + s₉₀): of b it leaves ½b times the difference of the scale factors. In between, the
+//    vibration is swung at a rate, which a high quality factor needs, or it is stopped on one axis and started on
+//    the other. A first angle ϑ₀ at the dampers' axis has no bias.
 //
 // Source: sign reversal of the rate's bias: Microsystems and Nanoengineering 2025, s41378-025-01011-4 (abstract read).
 #pragma once

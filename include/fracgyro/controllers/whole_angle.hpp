@@ -1,5 +1,5 @@
 // The whole-angle gyroscope, from positions only: one vibration at a line that is free to turn, whose angle is the
-// integral of the rate. A phase-locked loop (PLL) and an automatic gain control (AGC) keep it as vibration.hpp says.
+// integral of the rate. A phase-locked loop (PLL) and an automatic gain control (AGC) keep it as in vibration.hpp.
 //
 //    The two positions are demodulated on one oscillator of phase θ, q = Re(Z e^jθ). A second oscillator of angle ϑ,
 //    counted in 2⁻⁶⁴ turns, follows the line, p = (cos ϑ, sin ϑ), n = (-sin ϑ, cos ϑ):
@@ -7,14 +7,14 @@
 //        Z = -j a p + b n        U = Z·p        V = Z·n        e = Re(U V*)/(|U|² + |V|²)
 //        dϑ/dt = v + 1.4 w e + ∫ w² e
 //
-//    Slowly, under the force Re(F e^jθ′), F = 2jω̂ ((w_q - j a w_v) n - j w_E p), a turns at the rate and drifts by the
+//    Under the force Re(F e^jθ′), F = 2jω̂ ((w_q - j a w_v) n - j w_E p), the line turns with the rate and drifts by the
 //    dampers, whose axis is at ϑ_τ:
 //
 //        dϑ/dt = -Ωz + p sin 2(ϑ - ϑ_τ) + w_v        p = ½Δ(1/τ)
 //        w_v = v - p̂ sin 2(ϑ - ϑ̂_τ)        w_q = -w_b b̄ - ∫ ¼ w_b² b̄        Ω̂z = v - dϑ/dt
 //
-//    b̄ is the mean of b over half a period: the ripple of b at twice the frequency would act through the loop as a rate.
-//    w_E, by which the AGC makes up for the decay, is reported: its part at 2ϑ is Δ(1/τ), and shows ϑ_τ.
+//    b̄ is the mean of b over half a period: the ripple of b at twice the frequency would act through the loop as a
+//    rate. w_E, by which the AGC makes up for the decay, is reported: its part at 2ϑ is ½Δ(1/τ), and shows ϑ_τ.
 //
 // Source: averaged equations after Lynch 1995 and IEEE Std 1431-2004 (bodies not read; derived in EQUATIONS.md).
 #pragma once
@@ -42,7 +42,7 @@ struct WholeAngleParams {
             field("quadrature_bandwidth", &P::quadrature_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: of the loop that keeps the vibration a line; at most 0.05."),
             field("virtual_rate", &P::virtual_rate, "omega0", any_number,
-                  "Unit omega0: rate at which forces turn the line, besides the rotation. 0.0: off."),
+                  "Unit omega0: rate at which forces turn the line, added to the rotation. 0.0: off."),
             field("damping_compensation", &P::damping_compensation, "omega0", any_number,
                   "Unit omega0: largest drift by the dampers, half the difference of the decay rates of their axes, "
                   "which forces cancel. 0.0: off."),
@@ -114,7 +114,7 @@ struct WholeAngleGyroscope {
         Vec2<T> compensation{};  // p̂ (cos 2ϑ̂_τ, sin 2ϑ̂_τ)
         T least_energy{};        // below it the line is not followed as fast
         typename Phase::Type start{};
-        // Of a virtual rotation; the time that its loops need after a reversal, and after which it reverses in any case.
+        // Turns of a virtual rotation; times that its loops need after a reversal, and until it reverses in any case.
         T turns{}, settling{}, longest{};
     };
     // The way in turns since the loops have settled after a reversal, and the time, below 0 until then.
@@ -132,7 +132,7 @@ struct WholeAngleGyroscope {
         Vec2<T> x{}, y{};  // Z
         typename Phase::Type angle{};
         T turning{};              // integral part of dϑ/dt
-        T sum{}, held{}, wait{};  // of b in this half period; w_q and its integral part
+        T sum{}, held{}, wait{};  // b summed over this half period; w_q, integral part
         T rate{}, quadrature{}, decay{};
         [[no_unique_address]] std::conditional_t<reverses, Turning, Nothing> reversal{};
     };
@@ -229,7 +229,7 @@ struct WholeAngleGyroscope {
         const T half_over = cosine * state.loop.oscillator.x();  // below 0: cos θ has changed its sign
         const T quadrature = if_less(half_over, zero, -(c.quadrature_gain * state.sum + state.wait), state.held);
 
-        const Vec2<T> twice{p.x() * p.x() - p.y() * p.y(), T(2.0) * p.x() * p.y()};                      // of 2ϑ
+        const Vec2<T> twice{p.x() * p.x() - p.y() * p.y(), T(2.0) * p.x() * p.y()};                      // at 2ϑ
         const T turns = asked_rate - (c.compensation.x() * twice.y() - c.compensation.y() * twice.x());  // w_v
         const T double_speed = T(2.0) * driven.frequency;
         const T size = Drive::amplitude(along);
@@ -321,7 +321,9 @@ using WholeAngle = WholeAngleGyroscope<T, false>;
 //
 // Use it when slow rates count: drifts that depend on the angle average out, and the line never locks to the dampers.
 //
-//        v = ±virtual_rate        Ω̂z = ½(m₊ + m₋)        m = v - Δϑ/Δt, over a way there or back
+//    A way to one side, Δϑ in Δt, gives m₊, and one to the other m₋:
+//
+//        v = ±v₀        m = v - Δϑ/Δt        Ω̂z = ½(m₊ + m₋)
 template <Scalar T>
 using VirtualRotation = WholeAngleGyroscope<T, true>;
 

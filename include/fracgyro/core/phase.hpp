@@ -25,8 +25,8 @@ inline std::uint64_t phase_of(double radians) {
            static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
 }
 
-// A phase plus a part of a turn, which is below a quarter; the phase itself if it is not. A turn of any size changes the
-// phase, even in single precision.
+// A phase plus a part of a turn, which is below a quarter; the phase itself if it is not. Even in single precision no
+// part is too small to change it.
 template <std::floating_point F>
 std::uint64_t phase_after(std::uint64_t phase, F turns) {
     constexpr F quarter = static_cast<F>(0.25), unit = static_cast<F>(0x1p64);
