@@ -6,11 +6,11 @@ import re
 import unicodedata
 
 ACCENTS = {"\u0302": r"\hat", "\u0303": r"\tilde", "\u0304": r"\bar", "\u0307": r"\dot", "\u0308": r"\ddot"}
-LOWERED = dict(zip("₀₁₂₃₄ᵢₐ", "01234ia", strict=True))
+LOWERED = dict(zip("₀₁₂₃₄₉₊₋ᵢₐ", "012349+-ia", strict=True))
 RAISED = dict(zip("²³⁴⁻⁺¹½ᵀ", ["2", "3", "4", "-", "+", "1", "1/2", r"\mathsf{T}"], strict=True))
 SIGNS = {">=": r"\ge ", "<=": r"\le ", "½": r"\tfrac{1}{2}", "·": r"\cdot ", "≈": r"\approx ", "≤": r"\le "}
 SIGNS |= {"≥": r"\ge ", "∫": r"\int ", "‖": r"\| ", "|": r"\vert ", "±": r"\pm ", "×": r"\times ", "→": r"\to "}
-SIGNS |= {"←": r"\gets ", "¼": r"\tfrac{1}{4}", "′": "′", "∞": r"\infty ", "ℓ": r"\ell "}
+SIGNS |= {"←": r"\gets ", "¼": r"\tfrac{1}{4}", "′": "′", "∞": r"\infty ", "ℓ": r"\ell ", "°": r"^{\circ}"}
 SIGNS |= {sign: f"\\{sign}" for sign in "%{}&#"}
 FUNCTIONS = {"sign", "sat", "sig", "reach", "sin", "cos", "exp", "ln", "max", "min", "LP", "Re", "Im"}
 

@@ -1,9 +1,8 @@
 // Controllers of the comparison other than the paper's: theoretical closed-loop properties, and results computed by
 // hand.
+#include "dual_mass.hpp"
 #include "paper.hpp"
 #include "scalars.hpp"
-
-#include "fracgyro/sim/device_loop.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,43 +12,6 @@
 
 namespace fracgyro::testing {
 namespace {
-
-constexpr double pi = 3.14159265358979323846;
-
-// The gyroscope dual_mass (Micromachines 2018, 9, 511), nondimensional.
-struct Gyro {
-    double rate = 0.0, quadrature = 0.0, damping = 0.0;  // Ωz, and kxy and dxy as equivalent rates
-    std::int64_t delay = 0, declared = 0;
-    bool from_rest = false;
-};
-constexpr double omega = 24661.50233021, h = 0.05, rate_300 = 300.0 * pi / 180.0 / omega;
-
-template <class Params>
-DeviceSetupOf<Params> setup_of(const Gyro& gyro, Params params) {
-    const double dx = 7.49397e-6 / (1.42e-6 * omega), dy = 7.90472e-5 / (1.42e-6 * omega), ky = 887.1103346 / 863.62937;
-    DeviceSetupOf<Params> s{};
-    s.controller = params;
-    s.common = {.step = h, .force_limit = 0.01};
-    s.common.reference = {.amplitude = {1.0, 1.0}, .frequency = {1.0, 1.013503185}, .phase = {0.0, pi / 2}};
-    s.common.nominal = {.damping = {dx, 0.0, dy}, .stiffness = {1.0, 0.0, ky}};
-    s.plant = {.damping = {dx, 2.0 * gyro.damping, dy}, .stiffness = {1.0, 2.0 * gyro.quadrature, ky}};
-    s.plant.rate = gyro.rate;
-    s.plant.initial_position = {gyro.from_rest ? 1e-3 : 0.0, 0.0};
-    s.plant.initial_velocity = {gyro.from_rest ? 0.0 : 1.0, 0.0};
-    s.device.delay = gyro.delay;
-    s.steps = 80000;
-    return s;
-}
-ConventionalParams loops(std::int64_t declared) {
-    const double unit = 2.0 * pi / omega;
-    ConventionalParams p{.pll_bandwidth = 100.0 * unit,
-                         .amplitude_bandwidth = 100.0 * unit,
-                         .amplitude_integral = 20.0 * unit,
-                         .demodulation_bandwidth = 2000.0 * unit,
-                         .output_bandwidth = 90.0 * unit};
-    p.datasheet.delay = declared;
-    return p;
-}
 
 // Means over the second half.
 struct Settled {
@@ -73,7 +35,7 @@ Settled settled(const DeviceSetupOf<typename C::Params>& s) {
     return {sum.rate / count, sum.quadrature / count, sum.amplitude / count, sum.frequency / count, sum.sense};
 }
 Settled rebalanced(const Gyro& gyro) {
-    const RebalanceParams p{.loop = loops(gyro.declared), .bandwidth = 2.0 * pi * 200.0 / omega};
+    const RebalanceParams p{.loop = conventional_loops(gyro.declared), .bandwidth = 2.0 * pi * 200.0 / omega};
     return settled<ForceRebalance<double>>(setup_of(gyro, p));
 }
 
@@ -107,11 +69,11 @@ TEST(ForceRebalance, TheDriveStartsFromAThousandthOfItsAmplitudeOffItsPhase) {
     EXPECT_NEAR(found.rate / rate_300 - 1.0, h * h / 24.0, 2e-6);
 }
 TEST(OpenLoop, ReadsTheRateFromTheSwingOfTheSenseAxis) {
-    const Settled found = settled<OpenLoop<double>>(setup_of({.rate = rate_300}, loops(0)));
+    const Settled found = settled<OpenLoop<double>>(setup_of({.rate = rate_300}, conventional_loops(0)));
     EXPECT_NEAR(found.rate / rate_300, 1.0, 0.01);
     EXPECT_GT(found.sense, 0.01);
     // The output is Y δ: an error of the assumed stiffness changes the scale by dδ/δ.
-    auto stiffer = setup_of({.rate = rate_300}, loops(0));
+    auto stiffer = setup_of({.rate = rate_300}, conventional_loops(0));
     stiffer.plant.stiffness_deviation = {0.0, 0.0, 0.0027};  // for a split kyy - kxx of 0.0272
     EXPECT_NEAR(settled<OpenLoop<double>>(stiffer).rate / found.rate, 0.0272 / 0.0299, 0.01);
 }

@@ -33,6 +33,9 @@ const std::map<std::string, Switch> switches_of_others{
     {"controller.prediction_weight", {0.0, 1.0, 2.0}},
     {"controller.basis", {2.0, 0.0, 0.0}},
     {"controller.nodes", {16.0, 8.0, 8.0}},
+    {"controller.reversal_interval", {20000.0, 10000.0, 10000.0}},
+    {"controller.settling_time", {2000.0, 1000.0, 1000.0}},
+    {"controller.swing_rate", {0.0, 0.01, 0.01}},
 };
 
 const std::map<std::string, Switch> switches_of_the_filter{

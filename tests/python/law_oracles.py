@@ -351,3 +351,145 @@ class Network:
         learns = active * surface + self.weight * missed
         self.weights = keep * self.weights - self.rate / max(phi @ phi, self.largest) * np.outer(phi, learns)
         return np.asarray(force)
+
+
+class Line:
+    """Whole angle and virtual rotation in complex numbers, with phase and angle as plain floats."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h, self.w = scenario.controller, scenario.run.step, scenario.reference.frequency[0]
+        self.size, self.reverses = scenario.reference.amplitude[0], scenario.controller.kind == "virtual_rotation"
+        self.theta, self.angle = scenario.reference.phase[0], self.c.start_angle
+        self.z = np.zeros(2, complex)
+        self.detuning = self.offset = self.force = self.turning = self.sum = self.held = self.wait = 0.0
+        self.out = np.zeros(3)  # rate, quadrature, decay, behind the filter of the output
+        self.way = self.time = self.last = 0.0
+        self.sign, self.ways, self.mean, self.scale_error = 1.0, 0, 0.0, 0.0
+        self.reports: list[dict[str, float]] = []
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h = self.c, self.h
+        p = np.exp(1j * self.angle)
+        along, across = np.array([p.real, p.imag]), np.array([-p.imag, p.real])
+        self.report(along @ self.z)
+        turn = np.exp(1j * self.theta)
+        missed = np.array(s.position) - (self.z * turn).real
+        self.z = self.z + 2 * c.demodulation_bandwidth * h * missed / turn
+        u, v = along @ self.z, across @ self.z
+        rate, wanted_rate = self.follow(u, v), self.sign * c.virtual_rate
+        drive, frequency = self.drive(u)
+        before, self.theta = self.theta, self.theta + frequency * h
+        self.sum += v.real
+        half_over = np.cos(before) * np.cos(self.theta) < 0
+        mean = self.sum * h * self.w / np.pi
+        if half_over:
+            self.held = -c.quadrature_bandwidth * mean - self.wait
+        cancels = c.damping_compensation * np.sin(2 * (self.angle - c.damping_axis))
+        w = -1j * drive / (2 * frequency) * along
+        w = w + (self.held - 1j * abs(u) * (wanted_rate - cancels)) * across
+        asked = (2j * frequency * w * turn * np.exp(0.5j * frequency * h)).real
+        force = np.clip(asked, -c.force_limit, c.force_limit)
+        if half_over:
+            if np.all(force == asked):
+                self.wait += c.quadrature_bandwidth**2 / 4 * mean * np.pi / self.w
+            self.sum = 0.0
+        now = np.array([-rate, self.held / self.size, drive / (2 * frequency * self.size)])
+        self.out = self.out + (1 - np.exp(-c.output_bandwidth * h)) * (now - self.out)
+        self.angle += (wanted_rate + rate) * h
+        if self.reverses:
+            self.reverse(wanted_rate, (wanted_rate + rate) * h / (2 * np.pi))
+        return np.asarray(force)
+
+    def report(self, u: complex) -> None:
+        turned = (self.angle + np.pi) % (2 * np.pi) - np.pi
+        rate = self.mean if self.ways == 3 else self.out[0]
+        found = {"rate_estimate": rate, "quadrature": self.out[1], "decay_rate": self.out[2]}
+        found |= {"pattern_angle": turned, "drive_amplitude": abs(u), "drive_frequency": self.w + self.offset}
+        self.reports.append(found | ({"virtual_rate_error": self.scale_error} if self.reverses else {}))
+
+    def follow(self, u: complex, v: complex) -> float:
+        e = (u * v.conjugate()).real / max(abs(u) ** 2 + abs(v) ** 2, 0.01 * self.size**2 + 1e-18)
+        most, w = 0.1 * self.w, self.c.angle_bandwidth
+        self.turning = float(np.clip(self.turning + self.h * w**2 * e, -most, most))
+        return float(np.clip(self.turning + 1.4 * w * e, -most, most))
+
+    def drive(self, u: complex) -> tuple[float, float]:
+        c, h, most = self.c, self.h, 0.1 * self.w
+        phase = u.real / abs(u) if u.imag < 0 else np.copysign(1.0, u.real)
+        self.detuning = float(np.clip(self.detuning + h * c.pll_bandwidth**2 * phase, -most, most))
+        self.offset = float(np.clip(self.detuning + 1.4 * c.pll_bandwidth * phase, -most, most))
+        lacks, gain = self.size - abs(u), 2 * self.w * c.amplitude_bandwidth
+        wanted = gain * lacks + self.force
+        given = float(np.clip(wanted, -c.force_limit, c.force_limit))
+        if (wanted - given) * lacks <= 0:
+            grown = self.force + h * gain * c.amplitude_integral * lacks
+            self.force = float(np.clip(grown, -c.force_limit, c.force_limit))
+        return given, self.w + self.offset
+
+    def reverse(self, wanted: float, part: float) -> None:
+        c = self.c
+        self.way += part if self.time >= 0 else 0.0
+        self.time += self.h
+        if abs(self.way) < c.reversal_turns and self.time < 8 * np.pi * c.reversal_turns / abs(c.virtual_rate):
+            return
+        mean = wanted - 2 * np.pi * self.way / self.time
+        self.ways = min(self.ways + 1, 3)
+        self.mean = (mean + self.last) / 2
+        self.scale_error = (self.last - mean) / (2 * wanted) if self.ways == 3 else 0.0
+        self.last, self.sign, self.way = mean, -self.sign, 0.0
+        self.time = -10 / min(c.angle_bandwidth, c.demodulation_bandwidth)
+
+
+class Reversal:
+    """Mode reversal: the axes are a plain angle of the time, and the loops those of the line with another rebalance."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.c, self.h = scenario.controller, scenario.run.step
+        self.loops = Line()
+        self.loops.reset(scenario)
+        self.held, self.rebalance = np.zeros(2, complex), 0j
+        self.read = self.rate = self.bias = 0.0
+        self.steps, self.means, self.sums, self.kept = 0, [0.0, 0.0], [], (0.0, 0.0)
+        self.known = 0
+        self.reports: list[dict[str, float]] = []
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        c, h, loops = self.c, self.h, self.loops
+        interval, settling = round(c.reversal_interval / h), round(c.settling_time / h)
+        swing = round(np.pi / 2 / c.swing_rate / h) if c.swing_rate > 0 else 0
+        since = self.steps % (interval + swing)
+        other = self.steps // (interval + swing) % 2
+        share = max(since - interval, 0) / swing if swing else 0.0
+        angle = c.start_angle + np.pi / 2 * (1 - share if other else share)
+        if since == 0 and swing == 0 and self.steps > 0:
+            self.held = np.array([self.held[1], -self.held[0]])
+            self.rebalance = 0j
+            kept, self.kept = self.kept, (loops.detuning, loops.force)
+            loops.detuning = loops.offset = kept[0]
+            loops.force = kept[1]
+        turned = (angle + np.pi) % (2 * np.pi) - np.pi
+        found = {"rate_estimate": self.rate, "pattern_angle": turned, "reversed_bias": self.bias}
+        self.reports.append(found | {"drive_amplitude": abs(self.held[0])})
+        axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        turn = np.exp(1j * loops.theta)
+        missed = axes @ np.array(s.position) - (self.held * turn).real
+        self.held = self.held + 2 * c.demodulation_bandwidth * h * missed / turn
+        drive, frequency = loops.drive(self.held[0])
+        loops.theta += frequency * h
+        ahead = turn * np.exp(0.5j * frequency * h)
+        w = -c.rebalance_bandwidth * self.held[1] - self.rebalance
+        asked = (2j * frequency * w * ahead).real
+        answer = float(np.clip(asked, -c.force_limit, c.force_limit))
+        if answer == asked:
+            self.rebalance = self.rebalance + c.rebalance_bandwidth**2 / 4 * h * self.held[1]
+        seen = (2j * frequency * w).real / (2 * frequency * loops.size)
+        self.read += (1 - np.exp(-c.output_bandwidth * h)) * (seen - self.read)
+        if settling <= since < interval:
+            self.sums.append(self.read)
+            if since == interval - 1:
+                self.means[other] = float(np.mean(self.sums))
+                self.known, self.sums = self.known + 1, []
+                self.bias = (self.means[0] - self.means[1]) / 2 if self.known > 1 else 0.0
+            self.rate = self.read + self.bias if other else self.read - self.bias
+        self.steps += 1
+        return np.asarray(np.clip(np.array([drive * ahead.real, answer]) @ axes, -c.force_limit, c.force_limit))

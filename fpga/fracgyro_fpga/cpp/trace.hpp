@@ -399,6 +399,9 @@ inline trace::Traced angle(detail::Built<trace::Traced> radians) {
 template <>
 struct PhaseOf<trace::Traced> {
     using Type = trace::Phase;
+    // A phase in a state is not traced: the tracer refuses the controller.
+    static Type after(const Type& phase, trace::Traced) { return phase; }
+    static trace::Traced turns(const Type&) { return trace::Traced(0.0); }
     static SineCosine<trace::Traced> sine_cosine(const Type& phase) {
         using trace::OfPhase;
         const auto input = [&](OfPhase what) {

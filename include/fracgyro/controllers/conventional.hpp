@@ -23,35 +23,10 @@
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/datasheet.hpp"
+#include "fracgyro/control/vibration.hpp"
 
 namespace fracgyro {
 
-struct ConventionalParams {
-    double pll_bandwidth = 0.01;          // w
-    double amplitude_bandwidth = 0.01;    // k_a = 2ω times it
-    double amplitude_integral = 0.002;    // k_b
-    double demodulation_bandwidth = 0.2;  // μ/h
-    double output_bandwidth = 0.01;
-    Datasheet datasheet{};
-
-    static constexpr auto fields() {
-        using P = ConventionalParams;
-        return Fields{
-            field("pll_bandwidth", &P::pll_bandwidth, "omega0", above_0,
-                  "Unit omega0, > 0: natural frequency of the phase-locked loop."),
-            field("amplitude_bandwidth", &P::amplitude_bandwidth, "omega0", above_0,
-                  "Unit omega0, > 0: bandwidth of the automatic gain control."),
-            field("amplitude_integral", &P::amplitude_integral, "omega0", at_least_0,
-                  "k_b, unit omega0: of its integral action. 0.0: off."),
-            field("demodulation_bandwidth", &P::demodulation_bandwidth, "omega0", above_0,
-                  "Unit omega0, > 0: of the filters that demodulate; at least 5 times rebalance_bandwidth."),
-            field("output_bandwidth", &P::output_bandwidth, "omega0", above_0,
-                  "Unit omega0, > 0: of the filter of the angular rate."),
-            Inner{"datasheet", &P::datasheet},
-        };
-    }
-};
 struct RebalanceParams {
     ConventionalParams loop{};
     double bandwidth = 0.02;  // w_L
@@ -90,64 +65,40 @@ struct ConventionalGyroscope {
     static constexpr bool measures_velocity = false;
     static constexpr bool drives_a_sine = true;  // on x, at the reference's frequency
 
+    using Drive = Vibration<T>;
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
-        T limit{};
-        bool limited = false;
-        T step{}, amplitude{}, frequency{}, largest_detuning{};  // A_r, ω; maximum deviation of ω̂h from ωh
-        Vec2<T> turn{}, lead{};                                  // cosine and sine of ωh, and of ωh (½ + delay)
-        T lead_steps{};
-        T demodulation{};  // 2μ
-        T phase_gain{}, phase_step{}, amplitude_gain{}, amplitude_step{};
+        typename Drive::Coefficients drive{};
         T damping{}, stiffness{};  // ½dyy, kyy
-        T rebalance_gain{}, rebalance_step{}, output{};
+        T rebalance_gain{}, rebalance_step{};
     };
     // A complex number is stored as cosine and sine, or real and imaginary part.
     struct State {
         typename Reference<T>::State reference{};
-        Vec2<T> oscillator{T(1.0), T(0.0)};  // e^jθ
-        Vec2<T> drive{}, sense{};            // b and -a, for x and y
-        T detuning{}, force{};               // integral parts: ω̂ - ω, and F
-        Vec2<T> rebalance{};                 // integral part of W
-        T rate{}, quadrature{}, frequency{};
+        typename Drive::State loop{};
+        Vec2<T> drive{}, sense{};  // b and -a, for x and y
+        Vec2<T> rebalance{};       // integral part of W
+        T rate{}, quadrature{};
     };
 
     static Coefficients prepare(const Params& all, const Common& common) {
-        const ConventionalParams& p = loop_of(all);
-        const double h = common.step, w = common.reference.frequency.x();
-        const double lead = 0.5 + static_cast<double>(p.datasheet.delay);
-        const double amplitude_gain = 2.0 * w * p.amplitude_bandwidth;
+        const double h = common.step;
         double held = 0.0;
         if constexpr (rebalanced) {
             held = all.bandwidth;
         }
-        const bool limited = common.force_limit < std::numeric_limits<double>::infinity();
         return {.reference = Reference<T>::prepare(common.reference, h),
-                .limit = T(limited ? common.force_limit : static_cast<double>(std::numeric_limits<float>::max())),
-                .limited = limited,
-                .step = T(h),
-                .amplitude = T(common.reference.amplitude.x()),
-                .frequency = T(w),
-                .largest_detuning = T(0.1 * w),
-                .turn = turn_of<T>(w * h),
-                .lead = turn_of<T>(w * h * lead),
-                .lead_steps = T(lead),
-                .demodulation = T(2.0 * p.demodulation_bandwidth * h),
-                .phase_gain = T(1.4 * p.pll_bandwidth),
-                .phase_step = T(h * p.pll_bandwidth * p.pll_bandwidth),
-                .amplitude_gain = T(amplitude_gain),
-                .amplitude_step = T(h * amplitude_gain * p.amplitude_integral),
+                .drive = Drive::prepare(loop_of(all), common),
                 .damping = T(0.5 * common.nominal.damping.yy()),
                 .stiffness = T(common.nominal.stiffness.yy()),
                 .rebalance_gain = T(held),
-                .rebalance_step = T(0.25 * h * held * held),
-                .output = T(1.0 - exponential(-p.output_bandwidth * h))};
+                .rebalance_step = T(0.25 * h * held * held)};
     }
 
     static Report report(const State& state, const Coefficients& c) {
         return {.rate = state.rate,
-                .amplitude = norm(state.drive),
-                .frequency = c.frequency + state.frequency,
+                .amplitude = Drive::amplitude(state.drive),
+                .frequency = c.drive.frequency + state.loop.frequency,
                 .quadrature = state.quadrature};
     }
     static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
@@ -156,10 +107,8 @@ struct ConventionalGyroscope {
     static void start_over(State& state, bool keep_estimates) {
         State fresh{};
         fresh.reference = state.reference;
-        fresh.oscillator = state.oscillator;
+        fresh.loop = Drive::started_over(state.loop, keep_estimates);
         if (keep_estimates) {
-            fresh.detuning = state.detuning;
-            fresh.frequency = state.frequency;
             fresh.rate = state.rate;
             fresh.quadrature = state.quadrature;
         }
@@ -170,71 +119,51 @@ struct ConventionalGyroscope {
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         if (state.reference.steps == 0) {
-            const auto start = PhaseOf<T>::sine_cosine(c.reference.phases.start[0]);
-            state.oscillator = {start.cosine, start.sine};
+            Drive::start(state.loop, c.reference);
         }
         const T zero = T(0.0), one = T(1.0);
         ReferencePoint<T> r = Reference<T>::update(state.reference, c.reference);
         // The sense axis is held at rest or free: it follows no reference.
         r = {{r.position.x(), zero}, {r.velocity.x(), zero}, {r.acceleration.x(), zero}};
         Signals<T, Report> signals{.reference = r, .report = report(state, c)};
-        const T known = c.frequency + state.frequency;
         if (missing == nullptr) {
-            demodulate(state.drive, c, state.oscillator, measured.position.x());
-            demodulate(state.sense, c, state.oscillator, measured.position.y());
-            const auto speed = [&](const Vec2<T>& phasor) { return -(known * product(phasor, state.oscillator).y()); };
+            Drive::demodulate(state.drive, c.drive, state.loop, measured.position.x());
+            Drive::demodulate(state.sense, c.drive, state.loop, measured.position.y());
+            const auto speed = [&](const Vec2<T>& phasor) { return Drive::velocity(phasor, c.drive, state.loop); };
             const Motion<T> seen{.position = measured.position, .velocity = {speed(state.drive), speed(state.sense)}};
             signals.error = tracking_error(seen, signals.reference);
         } else {
             signals.error = *missing;
         }
 
-        // x = A sin θ in lock: b = 0 and a = A.
-        const T a = -state.drive.y(), b = state.drive.x(), size = norm(state.drive);
-        const T side = with_sign_of(b, one);
-        const T phase = if_less(zero, a, b / maximum(size, T(1e-9)), side);
-        const T most = c.largest_detuning;
-        state.detuning = clamp(state.detuning + c.phase_step * phase, -most, most);
-        state.frequency = clamp(state.detuning + c.phase_gain * phase, -most, most);
-        const T frequency = c.frequency + state.frequency;
+        const auto driven = Drive::drive(state.loop, c.drive, state.drive);
+        const T frequency = driven.frequency;
+        const Vec2<T>& ahead = driven.ahead;
+        Vec2<T> force{driven.force * ahead.x(), zero};
 
-        const T lacks = c.amplitude - size;
-        const T wanted = c.amplitude_gain * lacks + state.force;
-        const T drive = clamp(wanted, zero, c.limit);
-        const T winds_up = (wanted - drive) * lacks;
-        state.force = clamp(state.force + if_less(zero, winds_up, zero, c.amplitude_step) * lacks, zero, c.limit);
-
-        const T extra = c.step * state.frequency;  // extra phase over this step
-        const Vec2<T> ahead = product(state.oscillator, product(c.lead, small_turn(c.lead_steps * extra)));  // e^jθ′
-        Vec2<T> force{drive * ahead.x(), zero};
-
-        // Avoids a division by 0 without a reference.
-        const auto sound_divisor = [&](T a) { return if_less(absolute(a), T(1e-9), one, a); };
-        const T double_speed = T(2.0) * frequency, per_rate = one / sound_divisor(double_speed * c.amplitude);
+        const T double_speed = T(2.0) * frequency;
+        const T per_rate = one / Drive::sound_divisor(double_speed * c.drive.amplitude);
         Vec2<T> coupling;  // minus the force on y due to the rate
         if constexpr (rebalanced) {
             const Vec2<T> held = -(c.rebalance_gain * state.sense) - state.rebalance;  // W
             coupling = double_speed * turned(held);
-            const T asked = product(coupling, ahead).x();
-            const T acts = clamp(asked, -c.limit, c.limit);
+            const T asked = Drive::product(coupling, ahead).x();
+            const T acts = clamp(asked, -c.drive.limit, c.drive.limit);
             force = {force.x(), acts};
             signals.excess = {zero, asked - acts};
             const T saturated = if_less(zero, absolute(asked - acts), zero, one);
             state.rebalance = state.rebalance + (saturated * c.rebalance_step) * state.sense;
         } else {
-            const T split = (c.stiffness - frequency * frequency) / sound_divisor(double_speed);
-            coupling = -(double_speed * turned(product(Vec2<T>{c.damping, -split}, state.sense)));
+            const T split = (c.stiffness - frequency * frequency) / Drive::sound_divisor(double_speed);
+            coupling = -(double_speed * turned(Drive::product(Vec2<T>{c.damping, -split}, state.sense)));
         }
-        signals.excess = {wanted - drive, signals.excess.y()};
-        if (!c.limited) {
+        signals.excess = {driven.removed, signals.excess.y()};
+        if (!c.drive.limited) {
             signals.excess = {};
         }
         signals.force = force;
-        state.rate = state.rate + c.output * (per_rate * coupling.x() - state.rate);
-        state.quadrature = state.quadrature + c.output * (per_rate * coupling.y() - state.quadrature);
-
-        const Vec2<T> next = product(state.oscillator, product(c.turn, small_turn(extra)));
-        state.oscillator = (T(1.5) - T(0.5) * squared_norm(next)) * next;  // normalized to length 1
+        state.rate = state.rate + c.drive.output * (per_rate * coupling.x() - state.rate);
+        state.quadrature = state.quadrature + c.drive.output * (per_rate * coupling.y() - state.quadrature);
         return signals;
     }
 
@@ -245,22 +174,6 @@ private:
         } else {
             return p;
         }
-    }
-    // Product of complex numbers.
-    static Vec2<T> product(const Vec2<T>& a, const Vec2<T>& b) {
-        return {a.x() * b.x() - a.y() * b.y(), a.x() * b.y() + a.y() * b.x()};
-    }
-    // e^jx for |x| far below 1.
-    static Vec2<T> small_turn(T x) {
-        const T square = x * x;
-        return {T(1.0) - square * (T(0.5) - T(1.0 / 24.0) * square),
-                x * (T(1.0) - square * (T(1.0 / 6.0) - T(1.0 / 120.0) * square))};
-    }
-    // z = Re(Y e^jθ), with Y = b - ja: a += 2μ ε sin θ, b += 2μ ε cos θ.
-    static void demodulate(Vec2<T>& phasor, const Coefficients& c, const Vec2<T>& oscillator, T z) {
-        const T missed = z - (phasor.x() * oscillator.x() - phasor.y() * oscillator.y());
-        const T move = c.demodulation * missed;
-        phasor = {phasor.x() + move * oscillator.x(), phasor.y() - move * oscillator.y()};
     }
 };
 

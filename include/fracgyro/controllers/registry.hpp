@@ -9,6 +9,7 @@
 #include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/controllers/least_squares_pid.hpp"
 #include "fracgyro/controllers/lqg.hpp"
+#include "fracgyro/controllers/mode_reversal.hpp"
 #include "fracgyro/controllers/network.hpp"
 #include "fracgyro/controllers/nonsingular_terminal.hpp"
 #include "fracgyro/controllers/park_horowitz.hpp"
@@ -17,6 +18,7 @@
 #include "fracgyro/controllers/resonant.hpp"
 #include "fracgyro/controllers/sliding_mode.hpp"
 #include "fracgyro/controllers/super_twisting.hpp"
+#include "fracgyro/controllers/whole_angle.hpp"
 #include "fracgyro/core/entry.hpp"
 #include "fracgyro/hardware/observer.hpp"
 
@@ -69,7 +71,10 @@ using Registry = std::tuple<
     Entry<"internal_model", One<InternalModel>,
           "oscillators at the reference's frequencies in a constant Kalman filter">,
     Entry<"open_loop", One<OpenLoop>, "conventional gyroscope, sense axis free">,
-    Entry<"force_rebalance", One<ForceRebalance>, "conventional gyroscope, sense axis held at rest">>;
+    Entry<"force_rebalance", One<ForceRebalance>, "conventional gyroscope, sense axis held at rest">,
+    Entry<"whole_angle", One<WholeAngle>, "whole-angle gyroscope, a vibration that is free to turn">,
+    Entry<"virtual_rotation", One<VirtualRotation>, "whole-angle gyroscope, turned to and fro by forces">,
+    Entry<"mode_reversal", One<ModeReversal>, "force rebalance on both axes in turn">>;
 
 namespace detail {
 

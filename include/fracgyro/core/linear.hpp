@@ -204,6 +204,17 @@ constexpr Sym2<To> cast(const Sym2<From>& a) {
     return {static_cast<To>(a.xx()), static_cast<To>(a.xy()), static_cast<To>(a.yy())};
 }
 
+// A sum that keeps what rounding would lose of each term.
+template <Scalar T>
+struct LongSum {
+    T value{}, lost{};
+
+    friend LongSum operator+(const LongSum& sum, T term) {
+        const T whole = term - sum.lost, next = sum.value + whole;
+        return {next, (next - sum.value) - whole};
+    }
+};
+
 // A signal and its derivative at one instant.
 template <Scalar T>
 struct Sample {

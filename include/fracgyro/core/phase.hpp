@@ -25,11 +25,27 @@ inline std::uint64_t phase_of(double radians) {
            static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
 }
 
+// A phase plus a part of a turn, which is below a quarter; the phase itself if it is not. Even in single precision no
+// part is too small to change it.
+template <std::floating_point F>
+std::uint64_t phase_after(std::uint64_t phase, F turns) {
+    constexpr F quarter = static_cast<F>(0.25), unit = static_cast<F>(0x1p64);
+    const bool within = absolute(turns) < quarter;  // and a number
+    return phase + (within ? static_cast<std::uint64_t>(static_cast<std::int64_t>(turns * unit)) : 0);
+}
+// A phase as a part of a turn, from -½ to ½.
+template <std::floating_point F>
+F turns_of(std::uint64_t phase) {
+    return static_cast<F>(static_cast<std::int64_t>(phase)) * static_cast<F>(0x1p-64);
+}
+
 // A phase as a fraction of 2^64, and its sine and cosine. Lanes, which are several numbers, have one phase each.
 template <Scalar T>
 struct PhaseOf {
     using Type = std::uint64_t;
     static SineCosine<T> sine_cosine(Type phase) { return fracgyro::sine_cosine<T>(phase); }
+    static Type after(Type phase, T turns) { return phase_after(phase, static_cast<detail::Built<T>>(turns)); }
+    static T turns(Type phase) { return T(turns_of<detail::Built<T>>(phase)); }
 };
 
 // Sine and cosine on each axis.

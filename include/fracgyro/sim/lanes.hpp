@@ -160,8 +160,7 @@ struct Phases {
     friend Phases operator*(std::uint64_t factor, const Phases& a) {
         return each([&](std::size_t k) { return factor * a.at(k); });
     }
-
-private:
+    // The phase that each lane makes.
     template <class Phase>
     static Phases each(Phase&& phase) {
         Phases result;
@@ -183,6 +182,16 @@ struct PhaseOf<Lanes<Number, Count>> {
             const auto [sine, cosine] = fracgyro::sine_cosine<Number>(phase.at(k));
             result.sine.lane[k] = sine;
             result.cosine.lane[k] = cosine;
+        }
+        return result;
+    }
+    static Type after(const Type& phase, const Lanes<Number, Count>& turns) {
+        return Type::each([&](std::size_t k) { return phase_after(phase.at(k), static_cast<Number>(turns.lane[k])); });
+    }
+    static Lanes<Number, Count> turns(const Type& phase) {
+        Lanes<Number, Count> result;
+        for (std::size_t k = 0; k < Count; ++k) {
+            result.lane[k] = turns_of<Number>(phase.at(k));
         }
         return result;
     }

@@ -129,13 +129,14 @@ def _spectrum(values: Array) -> NDArray[np.complex128]:
 
 
 def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
-    """Figures of a conventional gyroscope's drive loop (open_loop, force_rebalance).
+    """Figures of the drive loop of a gyroscope that measures by a vibration of its own, as force_rebalance does.
 
     Of the time after `transient`, by default half of the run:
     `amplitude_error` is the mean amplitude relative to reference.amplitude, minus 1, and `amplitude_noise` its standard
     deviation, relative; `frequency` is the mean of the phase-locked loop; `phase_error`, rad, is the angle by which the
-    drive force leads the velocity; `quadrature` and `quadrature_noise` are mean and standard deviation, as an angular
-    rate. `amplitude_settling_time` is the time after which the amplitude control keeps the amplitude within 1 %.
+    drive force leads the velocity, along the vibration; `quadrature` and `quadrature_noise` are mean and standard
+    deviation, as an angular rate. `amplitude_settling_time` is the time after which the amplitude control keeps the
+    amplitude within 1 %.
 
     Raises ValueError for other controllers, or for several runs in one Dataset.
 
@@ -179,12 +180,14 @@ def drives(run: xr.Dataset) -> bool:
 
 
 def _phase_error(run: xr.Dataset, frequency: float, step: float) -> float:
-    """Angle by which the force on x leads the velocity of x, at this frequency."""
+    """Angle by which the force leads the velocity along the vibration, which is x or a line that turns."""
     angle = frequency * run["time"].values
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
+    line = run["pattern_angle"].values if "pattern_angle" in run else np.zeros(run.sizes["time"])
+    along = np.column_stack([np.cos(line), np.sin(line)])
 
     def phasor(name: str) -> complex:
-        (cosine, sine), *_ = np.linalg.lstsq(basis, run[name].isel(axis=0).values, rcond=None)
+        (cosine, sine), *_ = np.linalg.lstsq(basis, (along * run[name].values).sum(axis=1), rcond=None)
         return complex(cosine, -sine)
 
     velocity, force = 1j * frequency * phasor("position"), phasor("control")

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..analysis.metric_names import UNITS, nondimensional_unit, written
 from ..scenario import Scenario
-from ..scenario.kinds import SINE_DRIVES
+from ..scenario.kinds import SINE_DRIVES, reports
 
 STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
 # Metrics that are known if the controller reports what they need, and others that need the same.
@@ -36,10 +36,15 @@ def shown(figures: Any, steady: bool) -> Any:
 
 
 def followed(scenario: Scenario, figures: Any) -> list[Any]:
-    """The metrics, without the errors of a conventional drive: its sine sets only amplitude and frequency."""
+    """The metrics, without the errors of a conventional drive: its sine sets only amplitude and frequency.
+
+    A vibration whose line turns has no axis to be at rest.
+    """
     if scenario.controller.kind not in SINE_DRIVES:
         return [figures]
-    return [figures[["rmse"]].sel(axis=["y"]), figures.drop_vars(["rmse", "error_settling_time"])]
+    rest = figures.drop_vars(["rmse", "error_settling_time"])
+    turns = any(each.name == "pattern_angle" for each in reports(scenario.controller.kind)[0])
+    return [rest] if turns else [figures[["rmse"]].sel(axis=["y"]), rest]
 
 
 def left_out(scenario: Scenario, figures: Any, transient: float) -> str:
