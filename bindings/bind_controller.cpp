@@ -106,6 +106,18 @@ nb::list term_fields() {
     for_each_setting_of("disturbance", term, Describe{all});
     return all;
 }
+nb::list electronics_fields() {
+    nb::list all;
+    const ElectronicsParams params;
+    for_each_setting_of("electronics", params, Describe{all});
+    return all;
+}
+nb::list electrode_fields() {
+    nb::list all;
+    const ElectrodeParams params;
+    for_each_setting_of("electrodes", params, Describe{all});
+    return all;
+}
 nb::list fields_of_plant(std::size_t kind) {
     nb::list all;
     for_each_own_number(kind, Describe{all});
@@ -169,6 +181,8 @@ void bind_controller(nb::module_& m) {
           "Descriptions of the numbers of a run of this kind, in order.");
     m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");
     m.def("term_fields", &term_fields, "Descriptions of the numbers of a term of the disturbance, in order.");
+    m.def("electronics_fields", &electronics_fields, "Descriptions of the numbers of amplifiers and timing, in order.");
+    m.def("electrode_fields", &electrode_fields, "Descriptions of the numbers of an electrode, in order.");
     m.def("fields_of_plant", &fields_of_plant, nb::arg("kind"),
           "Descriptions of the numbers that plants of this kind have of their own, in order.");
     m.def(
