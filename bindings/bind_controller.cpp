@@ -207,6 +207,18 @@ void bind_controller(nb::module_& m) {
             return takes;
         },
         nb::arg("kind"), "True for each of its types that takes a filter of the measured motions.");
+    m.def(
+        "told_types_of_kind",
+        [](std::size_t kind) {
+            std::vector<bool> told;
+            with_params(params_of_kind(kind), [&]<class Family>(const auto&, Family) {
+                [&]<class... Types>(List<Types...>) {
+                    (told.push_back(KnowsForce<Types>), ...);
+                }(typename Family::template Types<double>{});
+            });
+            return told;
+        },
+        nb::arg("kind"), "True for each of its types that is told which force the code of a converter means.");
 }
 
 }  // namespace fracgyro::bindings

@@ -17,7 +17,7 @@
 //        Y = b - j a        dY/dt = (jδ - ½dyy) Y + W + F_c/(2jω̂)        Re F_c = -2 A ω̂ Ωz
 //
 //    The rate is filtered by a first-order low-pass. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
-//    declared in the datasheet. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
+//    and the lag declared in the datasheet. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
 //
 // Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once
@@ -33,6 +33,7 @@ struct ConventionalParams {
     double amplitude_integral = 0.002;    // k_b
     double demodulation_bandwidth = 0.2;  // μ/h
     double output_bandwidth = 0.01;
+    double lag = 0.0;
     Datasheet datasheet{};
 
     static constexpr auto fields() {
@@ -49,6 +50,9 @@ struct ConventionalParams {
             field("output_bandwidth", &P::output_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: of the filter of the angular rate."),
             Inner{"datasheet", &P::datasheet},
+            in_table("datasheet", fixed(field("lag", &P::lag, "1/omega0", at_least_0,
+                                              "Unit 1/omega0: time by which readings and forces are late besides "
+                                              "delay: by amplifiers and parts of steps. Not set: that simulated."))),
         };
     }
 };
@@ -115,7 +119,7 @@ struct ConventionalGyroscope {
     static Coefficients prepare(const Params& all, const Common& common) {
         const ConventionalParams& p = loop_of(all);
         const double h = common.step, w = common.reference.frequency.x();
-        const double lead = 0.5 + static_cast<double>(p.datasheet.delay);
+        const double lead = 0.5 + static_cast<double>(p.datasheet.delay) + p.lag / h;
         const double amplitude_gain = 2.0 * w * p.amplitude_bandwidth;
         double held = 0.0;
         if constexpr (rebalanced) {

@@ -116,12 +116,15 @@ struct Volts {
         Vec2<double> resting{};  // force at q = 0 and at bias, which is held
         std::array<Quantizer, 2> converters{};
         Readout::Coefficients readout{};
-        double step = 0.0;
-        bool on = false, drives = false, acts = false, reads = false, linearised = false, updates_late = false;
+        double half = 0.0, late = 0.0;  // of a step, and of an update
+        bool on = false, drives = false, acts = false, reads = false, linearised = false;
+        bool converts = false;  // what acts is not what was asked for, and known
+
     };
     struct State {
         Readout::State readout{};
         Vec2<double> volts{}, volts_before{}, bent{};  // of this step, of the one before; p(q) - q
+        Vec2<double> code{};                           // the force that the last code is meant to be
         std::int64_t touched = 0;                      // 1 + place of the electrode that the mass touches
     };
 
@@ -132,11 +135,11 @@ struct Volts {
             return c;
         }
         const AtBias at = at_bias(p);
-        c.step = step;
+        c.half = 0.5 * step;
+        c.late = p.electronics.update_delay * p.rate;
         c.drives = at.drives;
         c.reads = at.reads;
         c.linearised = p.electronics.linearised;
-        c.updates_late = p.electronics.update_delay > 0.0;
         c.softening = at.softening;
         if (c.drives) {
             c.volts_per_force = inverse(at.gain);
@@ -159,6 +162,7 @@ struct Volts {
                 for (std::size_t axis = 0; axis < 2; ++axis) {
                     if ((axis == 0 ? n.x() : n.y()) != 0.0) {
                         c.converters[axis] = {.range = {each.range, each.range}, .bits = each.bits};
+                        c.converts = c.converts || c.converters[axis].on();
                         c.per_gap[axis] = each.kind == ElectrodeKind::plate && each.pair ? made.per_length() : 0.0;
                     }
                 }
@@ -181,17 +185,16 @@ struct Volts {
     }
 
     // The force that acts linearly for the force asked for, which sets the voltages. `measured`: the position known.
-    static Vec2<double> drive(State& state, const Coefficients& c, Vec2<double> asked, const Vec2<double>& measured) {
-        if (!c.drives) {
-            return asked;
-        }
-        Vec2<double> v = c.volts_per_force * asked;
-        if (c.linearised) {
-            v = {v.x() / growth(c.per_gap[0] * measured.x()), v.y() / growth(c.per_gap[1] * measured.y())};
-        }
+    static Vec2<double> drive(State& state, const Coefficients& c, const Vec2<double>& asked,
+                              const Vec2<double>& measured) {
         state.volts_before = state.volts;
-        state.volts = {c.converters[0](v).x(), c.converters[1](v).y()};
+        state.volts = volts(c, asked, grown(c, measured));
         return c.force_per_volt * state.volts;
+    }
+    // The force that a designer knows the code for this force to mean.
+    static Vec2<double> meant(const Coefficients& c, const Vec2<double>& asked, const Vec2<double>& measured) {
+        const Vec2<double> more = grown(c, measured);
+        return c.known_gain * (more * volts(c, asked, more));
     }
 
     // What electrodes do beyond `resting` and their linear part.
@@ -224,6 +227,18 @@ struct Volts {
     }
 
 private:
+    static Vec2<double> volts(const Coefficients& c, const Vec2<double>& asked, const Vec2<double>& grown) {
+        const Vec2<double> wanted = c.volts_per_force * asked;
+        const Vec2<double> v{wanted.x() / grown.x(), wanted.y() / grown.y()};
+        return {c.converters[0](v).x(), c.converters[1](v).y()};
+    }
+    // What a volt of each axis gives at the measured position over what it gives at rest, if the driver knows.
+    static Vec2<double> grown(const Coefficients& c, const Vec2<double>& measured) {
+        if (!c.linearised) {
+            return {1.0, 1.0};
+        }
+        return {growth(c.per_gap[0] * measured.x()), growth(c.per_gap[1] * measured.y())};
+    }
     // p(q) - q
     static Vec2<double> bend(const Coefficients& c, const Vec2<double>& q) {
         if (!c.reads) {

@@ -151,8 +151,13 @@ struct DeviceGyroscope {
             return;
         }
         const Vec2<double> late = Imperfections::late(state.device, c.device, asked, n);
+        state.volts.code = Volts::meant(c.volts, asked, state.measured.position);
         const Vec2<double> given = Volts::drive(state.volts, c.volts, late, state.measured.position);
         state.applied = Imperfections::give(c.device, given);
+    }
+    // The force that the code for the last request means, for controllers that are told; otherwise nullptr.
+    static const Vec2<double>* code(const State& state, const Coefficients& c) {
+        return c.volts.converts ? &state.volts.code : nullptr;
     }
     // Advances by one step under the acting force.
     static void step(State& state, const Coefficients& c, std::int64_t n) {
@@ -203,15 +208,23 @@ private:
                                    [&](const Vec2<double>& q) { return Volts::rest(v, q, volts.volts); });
         } else if (v.acts || c.varies) {
             const Vec2<double>& cubic = c.varying.cubic;
-            const auto kick = [&](Motion<double>& at, const Vec2<double>& volt) {
+            // For a time with the voltages before the update, and for the rest of half a step with those after it.
+            const auto kick = [&](Motion<double>& at, double before) {
                 const Vec2<double>& q = at.position;
-                const Vec2<double> force = Volts::rest(v, q, volt) - cubic * (q * (q * q));
-                at.velocity = at.velocity + (0.5 * v.step) * force;
+                const auto push = [&](const Vec2<double>& volt, double time) {
+                    at.velocity = at.velocity + time * (Volts::rest(v, q, volt) - cubic * (q * (q * q)));
+                };
+                if (before > 0.0) {
+                    push(volts.volts_before, before);
+                }
+                if (before < v.half) {
+                    push(volts.volts, v.half - before);
+                }
             };
-            kick(from, v.updates_late ? volts.volts_before : volts.volts);
+            kick(from, minimum(v.late, v.half));
             state.motion = from;
             Gyroscope<double>::step(state.motion, c.plant, state.applied, held);
-            kick(state.motion, volts.volts);
+            kick(state.motion, maximum(v.late - v.half, 0.0));
         } else {
             Gyroscope<double>::step(state.motion, c.plant, state.applied, held);
         }
