@@ -1,8 +1,9 @@
 // A device in volts: electrodes, amplifiers, delays, and how a run steps them. Closed forms are those of EQUATIONS.md.
+#include "joint.hpp"
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/any_run.hpp"
 
 #include <cmath>
 #include <complex>
@@ -370,11 +371,11 @@ TEST(StepInVolts, CombsAndIdealElectronicsActAsTheForceAskedFor) {
     mechanical.volts = {};
     Running one(s), other(mechanical);
     for (int n = 0; n < 5000; ++n) {
-        const Vec2<double> force{1e-6 * std::sin(0.05 * n), 0.0};
+        const Vec2<double> force{1e-7 * std::sin(0.05 * n), 0.0};
         one.step(force);
         other.step(force);
-        ASSERT_NEAR(one.state.motion.position.x(), other.state.motion.position.x(), 2e-18);
-        ASSERT_NEAR(one.state.volts.readout.reading.x(), other.state.motion.position.x(), 2e-18);
+        ASSERT_NEAR(one.state.motion.position.x(), other.state.motion.position.x(), 2e-19);
+        ASSERT_NEAR(one.state.volts.readout.reading.x(), other.state.motion.position.x(), 2e-19);
     }
 }
 
@@ -420,6 +421,87 @@ TEST(Driver, LinearisedMakesPlatesAsStrongAsAtRest) {
         const Vec2<double> more = 0.5 * (e.force(at, volts) - e.force(at, -volts));
         EXPECT_NEAR(axis == 0 ? more.x() : more.y(), axis == 0 ? 1e-4 : 2e-4, 1e-15);
     }
+}
+
+TEST(ToldTheForce, APredictionIsThatUnderTheForceThatActs) {
+    using Law = Positions<double>;
+    using Filter = Law::AdaptationType::Filter;
+    const Vec2<double> asked{3e-3, -2e-3}, acts{3.1e-3, -2.2e-3};
+    for (const std::int64_t delay : {0, 2}) {
+        Case a;
+        a.law.datasheet.delay = delay;
+        a.delay = static_cast<std::size_t>(delay);
+        Loop<Law> loop(a);
+        loop.run(100);
+        const auto& c = loop.c.adaptation.filter;
+        Filter::State told = loop.state.adaptation, knew = told;
+        const Sample<double> at = told.error;
+        Filter::predict(told, c, {}, asked, true);
+        const Vec2<double> without = told.error.derivative;
+        Filter::acted(told, c, acts);
+        Filter::predict(knew, c, {}, acts, true);
+        expect_near(told.error.value, knew.error.value, 1e-9);
+        expect_near(told.error.derivative, knew.error.derivative, 1e-8);
+        EXPECT_EQ(norm(told.error.derivative - without) > 1e-6, delay == 0);
+        for (std::int64_t n = 0; n < delay; ++n) {  // the force arrives
+            Filter::predict(told, c, {}, acts, true);
+            Filter::predict(knew, c, {}, acts, true);
+        }
+        expect_near(told.error.derivative, knew.error.derivative, 1e-8);
+        EXPECT_GT(norm(told.error.derivative - at.derivative), 1e-5);
+    }
+}
+
+TEST(ToldTheForce, ObserverAndFilterPredictUnderIt) {
+    const Vec2<double> asked{0.3, -0.2}, acts{0.31, -0.22};
+    const PlantModel<double> nominal{.damping = {0.02, 0.003, 0.04}, .stiffness = {1.0, 0.05, 1.1}, .rate = 0.01};
+    const auto observer = Observer<double>::prepare(nominal, 1.0, 0.05);
+    Observer<double>::State told{.motion = {{0.1, 0.2}, {0.3, 0.4}}, .started = true}, knew = told;
+    Observer<double>::predict(told, observer, asked);
+    Observer<double>::more(told, observer, acts - asked);
+    Observer<double>::predict(knew, observer, acts);
+    expect_near(told.motion.position, knew.motion.position, 1e-16);
+    expect_near(told.motion.velocity, knew.motion.velocity, 1e-16);
+    for (const std::int64_t delay : {0, 2}) {
+        using Filter = MotionFilter<double, true>;
+        Common common{.step = 0.05, .nominal = nominal};
+        common.filter = {
+            .bandwidth = 1.0,
+            .assumed = {.force_noise = 1e-3, .position_noise = 1e-3, .velocity_noise = 1e-3, .delay = delay}};
+        const auto c = Filter::prepare(common);
+        Filter::State a{}, b{};
+        const auto step = [&](Filter::State& state, const Vec2<double>& force) {
+            const Motion<double> seen{{0.1, 0.2}, {0.3, 0.4}};
+            Filter::step(state, c, seen, false,
+                         [&](const Motion<double>&) { return Signals<double, EmptyReport>{.force = force}; });
+        };
+        for (int n = 0; n < 4; ++n) {
+            step(a, asked);
+            Filter::acted(a, c, acts);
+            step(b, acts);
+            expect_near(a.motion.position, b.motion.position, 1e-15);
+            expect_near(a.motion.velocity, b.motion.velocity, 1e-15);
+        }
+    }
+}
+
+TEST(ToldTheForce, ALoopTellsItsControllerTheCode) {
+    // An observer of a plant without noise: with the codes known its velocity is that of an ideal driver.
+    std::vector<ElectrodeParams> electrodes{combs(ElectrodeRole::force, 0.0), combs(ElectrodeRole::force, 0.5 * pi)};
+    electrodes[0].range = electrodes[1].range = 10.0;
+    electrodes[0].bits = electrodes[1].bits = 4;
+    DeviceSetup s = device(electrodes, 0.05);
+    Running run(s);
+    const Vec2<double> asked{2.6e-4, -1.1e-4};
+    DeviceGyroscope::act(run.state, run.c, asked, 0);
+    const Vec2<double>* const code = DeviceGyroscope::code(run.state, run.c);
+    ASSERT_NE(code, nullptr);
+    expect_near(*code, run.state.applied, 1e-18);
+    EXPECT_GT(norm(*code - asked), 1e-6);
+    electrodes[0].range = electrodes[1].range = ElectronicsParams::off;
+    electrodes[0].bits = electrodes[1].bits = 0;
+    Running ideal(device(electrodes, 0.05));
+    EXPECT_EQ(DeviceGyroscope::code(ideal.state, ideal.c), nullptr);
 }
 
 // -- Pick-offs and amplifiers -----------------------------------------------------------------------------------------

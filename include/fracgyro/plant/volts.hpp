@@ -119,7 +119,6 @@ struct Volts {
         double half = 0.0, late = 0.0;  // of a step, and of an update
         bool on = false, drives = false, acts = false, reads = false, linearised = false;
         bool converts = false;  // what acts is not what was asked for, and known
-
     };
     struct State {
         Readout::State readout{};
