@@ -50,7 +50,7 @@ struct ConventionalParams {
             field("output_bandwidth", &P::output_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: of the filter of the angular rate."),
             Inner{"datasheet", &P::datasheet},
-            in_table("datasheet", fixed(field("lag", &P::lag, "1/omega0", at_least_0,
+            in_table("datasheet", fixed(field("lag", &P::lag, "1/omega0", any_number,
                                               "Unit 1/omega0: time by which readings and forces are late besides "
                                               "delay: by amplifiers and parts of steps. Not set: that simulated."))),
         };

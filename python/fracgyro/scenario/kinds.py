@@ -79,6 +79,12 @@ def filtered_types(kind: str) -> tuple[bool, ...]:
     return tuple(_core.filtered_types_of_kind(KINDS.index(kind)))
 
 
+@lru_cache
+def told_types(kind: str) -> tuple[bool, ...]:
+    """True for each type of this kind that is told which force the code of a converter means."""
+    return tuple(_core.told_types_of_kind(KINDS.index(kind)))
+
+
 # Fields of datasheet that the filter of the measured motions needs, whatever the kind.
 OF_FILTER = ("force_noise", "position_noise", "velocity_noise", "delay")
 

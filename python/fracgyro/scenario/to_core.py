@@ -14,13 +14,13 @@ import numpy as np
 from .. import _core
 from ..fractional.kernel import core_kernel
 from .device_core import device_values, is_ideal, profiles, rate_values
-from .kinds import DEVICE_NUMBERS, KINDS, OF_FILTER, PLANT_KINDS, core_values, numbers, plant_numbers
+from .kinds import DEVICE_NUMBERS, KINDS, OF_FILTER, PLANT_KINDS, core_values, numbers, plant_numbers, told_types
 from .motion import Reference
 from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
 from .table import MAX_STEPS
 from .terms import MAX_DEVIATIONS, first_part, largest_force, term_list, white_noise
-from .volts_core import electrode_numbers, electronics_numbers, has_volts, plant_at_bias
+from .volts_core import electrode_numbers, electronics_numbers, has_volts, lag, plant_at_bias
 
 MAX_DELAY = 8  # steps that a controller takes into account
 MAX_SAMPLES = 100_000  # at which a reference is looked at
@@ -118,16 +118,27 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     def rounded(noise: float, quantity: str) -> float:
         return math.hypot(noise, _resolution(device, quantity) / math.sqrt(12))
 
-    converted = max(device["drive_step"]) / math.sqrt(12)
+    converted = 0.0 if _told(scenario) else max(device["drive_step"]) / math.sqrt(12)
     amplified = math.hypot(*device["amplifier_noise"]) / math.sqrt(2)
     values = {
         "force_noise": rounded(math.hypot(white_noise(scenario), converted), "actuator"),
         "position_noise": rounded(math.hypot(device["position_noise"], amplified), "position"),
         "velocity_noise": rounded(device["velocity_noise"], "velocity"),
         "delay": min(device["delay"], MAX_DELAY),
+        "lag": lag(scenario) / scenario.plant.scales.time,
         **_drifts(scenario),
     }
     return assumed.model_copy(update={name: value for name, value in values.items() if getattr(assumed, name) is None})
+
+
+def _told(scenario: Scenario) -> bool:
+    """True if the controller, or the filter before it, is told which force the code of a converter means."""
+    c = scenario.controller
+    types, place = told_types(c.kind), 0
+    if len(types) > 1 and c.adaptive:
+        kinds = next(number.choices for number in numbers(c.kind) if number.path == "adaptation.kind")
+        place = kinds.index(scenario.adaptation.kind)
+    return types[place] or bool(c.filter == "kalman")
 
 
 def _drifts(scenario: Scenario) -> dict[str, float]:

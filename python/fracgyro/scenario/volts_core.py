@@ -76,6 +76,18 @@ def _plant_at_bias(plant: Plant, electrodes: Electrodes, electronics: Electronic
     return plant.model_copy(update={"stiffness": Symmetric.model_construct(**dict(stiffness))})
 
 
+def lag(scenario: Any) -> float:
+    """Time, s, by which readings and forces are late at the resonance of x, besides device.delay."""
+    e, plant = scenario.electronics, plant_at_bias(scenario)
+    omega = math.sqrt(max(plant.effective_stiffness().xx, 0.0) / plant.mass)
+    found = e.sample_delay + e.aperture / 2 + e.update_delay
+    if omega:
+        found += math.atan(omega / (math.tau * e.pole[0])) / omega
+        if e.amplifier == "charge" and e.feedback_capacitance:
+            found -= math.atan(1 / (omega * e.feedback_resistance * e.feedback_capacitance)) / omega
+    return float(found)
+
+
 def drive(scenario: Any) -> tuple[tuple[float, float], tuple[float, float]]:
     """Largest force of the drivers of x and y, N, and one step of their converters; infinite and 0 without."""
     most, steps = [math.inf, math.inf], [0.0, 0.0]
