@@ -1,4 +1,4 @@
-"""What electronics, feedthrough and gaps do to force rebalance and to two driven axes with the joint filter.
+"""Errors of a device in volts, of force rebalance and of two driven axes with the joint filter.
 
 Writes benchmarks/results/volts.md.
 

@@ -218,7 +218,7 @@ void bind_controller(nb::module_& m) {
             });
             return told;
         },
-        nb::arg("kind"), "True for each of its types that is told which force the code of a converter means.");
+        nb::arg("kind"), "True for each of its types that takes the force that the code of a converter means.");
 }
 
 }  // namespace fracgyro::bindings

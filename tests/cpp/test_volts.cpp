@@ -268,7 +268,7 @@ TEST(Backbone, IsThatOfTheQuadratureOfTheEnergy) {
         double meters, closed, exact;
     } rows[] = {{0.1e-6, -0.0502, -0.0502}, {0.5e-6, -1.254, -1.279}, {1e-6, -5.02, -5.44}};
     for (const auto& row : rows) {
-        const double third = -2.0 * k / (gap * gap);  // of the force's cube
+        const double third = -2.0 * k / (gap * gap);  // coefficient of q³
         const double shift = 3.0 * third * row.meters * row.meters / (8.0 * (sense_stiffness - k)) * linear;
         EXPECT_NEAR(shift, row.closed, 6e-4 * std::abs(row.closed) + 5e-5);
         const DeviceSetup s = backbone(row.meters, 0.05);
@@ -405,12 +405,12 @@ TEST(Driver, GivesTheForceAskedForInStepsOfItsConverter) {
     expect_near(run.state.applied, (1.25 * volt) * run.state.volts.volts, 1e-12 * volt);
 }
 
-TEST(Driver, LinearisedMakesPlatesAsStrongAsAtRest) {
+TEST(Driver, LinearizedMakesPlatesAsStrongAsAtRest) {
     std::vector<ElectrodeParams> electrodes{plates(true, 5.0), plates(true, 5.0)};
     electrodes[0].role = electrodes[1].role = ElectrodeRole::force;
     electrodes[1].angle = 0.5 * pi;
     DeviceSetup s = device(electrodes, 0.05);
-    s.volts.electronics.linearised = true;
+    s.volts.electronics.linearized = true;
     Running run(s);
     run.state.measured.position = {0.3, -0.2};
     run.step({1e-4, 2e-4});

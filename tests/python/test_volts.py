@@ -100,7 +100,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("held", {"electronics.update_delay": 1e-5}, "electronics.update_delay is 1e-05: it must be less than a step"),
     ("apart", {"electronics.feedthrough": [0.0, 1e-15, 0.0, 0.0]}, "it needs electrodes of role force and of role"),
     ("amplifier", {"electronics.amplifier": "charge"}, "must be ideal without electrodes of role pickoff"),
-    ("linear", {"electronics.linearised": True}, "it needs pairs of plates of role force"),
+    ("linear", {"electronics.linearized": True}, "it needs pairs of plates of role force"),
     ("sensing", {"electronics.pole": 1e6, "device.sensing": "full"}, 'device.sensing is "full": it must be position'),
     ("plant", {"electronics.pole": 1e6, "plant.kind": "duffing"}, 'plant.kind is "duffing": it must be gyroscope'),
     ("soft", {"electrodes": [plates("tuning", 0.0, bias=60.0)]}, "electrodes soften plant.stiffness to a smallest"),
@@ -120,7 +120,7 @@ def test_what_cannot_be_is_refused_in_one_sentence(changes: dict[str, Any], said
     assert said in str(refused.value)
 
 
-# -- What a controller knows ------------------------------------------------------------------------------------------
+# -- Knowledge of controllers ------------------------------------------------------------------------------------------
 
 
 def test_estimates_start_from_the_stiffness_at_bias() -> None:

@@ -16,8 +16,8 @@
 //
 //        Y = b - j a        dY/dt = (jδ - ½dyy) Y + W + F_c/(2jω̂)        Re F_c = -2 A ω̂ Ωz
 //
-//    The rate is filtered by a first-order low-pass. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
-//    and the lag declared in the datasheet. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
+//    The rate is filtered by a first-order low-pass. θ′ = θ + ω̂h (½ + delay) + ω̂ lag: the center of the hold, and
+//    what the datasheet states. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
 //
 // Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once
@@ -50,9 +50,10 @@ struct ConventionalParams {
             field("output_bandwidth", &P::output_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: of the filter of the angular rate."),
             Inner{"datasheet", &P::datasheet},
-            in_table("datasheet", fixed(field("lag", &P::lag, "1/omega0", any_number,
-                                              "Unit 1/omega0: time by which readings and forces are late besides "
-                                              "delay: by amplifiers and parts of steps. Not set: that simulated."))),
+            in_table("datasheet",
+                     fixed(field("lag", &P::lag, "1/omega0", any_number,
+                                 "Unit 1/omega0: time by which readings and forces are late in "
+                                 "addition to delay: by amplifiers and parts of steps. Not set: that simulated."))),
         };
     }
 };

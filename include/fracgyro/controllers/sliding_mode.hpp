@@ -167,7 +167,7 @@ struct SlidingModeController {
         return signals;
     }
 
-    // A filter of the motion is told what its force was.
+    // For the filter of the motion, the force that acts.
     static void acted(State& state, const Coefficients& c, const Vec2<T>& force)
         requires estimates_motion
     {

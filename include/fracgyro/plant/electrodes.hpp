@@ -7,9 +7,9 @@
 //    skewed    the same with gaps g and λ g: 1/(1 - Y) + 1/(λ + Y); for quadrature four groups, mirrored at both axes,
 //              at V ± v, whose static forces cancel
 //
-// What is linear about the mass at rest is kept apart, for the exact step: the softening, which belongs into K, and the
-// gain in force per volt. `Electrode::force` is the whole force: sums, products and one or two divisions, so that it
-// has the same bits everywhere.
+// The part that is linear about the mass at rest is kept apart, for the exact step: the softening, which belongs into K,
+// and the gain in force per volt. `Electrode::force` is the whole force: sums, products and one or two divisions, so
+// that it has the same bits everywhere.
 #pragma once
 
 #include "fracgyro/core/fields.hpp"
@@ -223,7 +223,7 @@ public:
                 return 2.0 * per_gap_ * overlap_ * (1.0 + ratio_) / ratio_;
         }
     }
-    // What a pick-off reads at q, in units of length: the change of C, or of the difference of a pair, over its slope.
+    // Reading of a pick-off at q, in units of length: the change of C, or of the difference of a pair, over its slope.
     double reading(const Vec2<double>& q) const {
         const Vec2<double> at = place(q);
         const double x = at.x(), y = at.y(), from = offset_, lambda = ratio_;

@@ -1,11 +1,11 @@
-// Amplifiers, feedthrough and timing of a device in volts, in SI, and what follows from them: the noise of the position,
-// and the position that a volt of the drive pretends.
+// Amplifiers, feedthrough and timing of a device in volts, in SI; the noise of the position, and the position that a
+// volt of the drive pretends.
 //
 //    n_q = sqrt((e_n C_Σ)² + (4 k_B T/R_f + i_n²)/ω_c²)/(V_b C′)        m/√Hz, one-sided
 //
 //    with ω_c that of the resonance, for a constant bias V_b, or of a carrier, whose rms amplitude is then V_b, and
-//    C_Σ = C_s + C_p + C_f. A volt of the drive through C_ij puts a charge C_ij v on the amplifier, as a displacement of
-//    C_ij v/(V_b C′) does.
+//    C_Σ = C_s + C_p + C_f. A volt of the drive through C_ij puts a charge C_ij v on the amplifier, as does a
+//    displacement of C_ij v/(V_b C′).
 #pragma once
 
 #include "fracgyro/plant/electrodes.hpp"
@@ -26,7 +26,7 @@ struct ElectronicsParams {
     double carrier_frequency = 0.0, carrier_voltage = 0.0;
     std::array<double, 4> feedthrough{};
     double sample_delay = 0.0, update_delay = 0.0, aperture = 0.0, jitter = 0.0;
-    bool linearised = false;
+    bool linearized = false;
 
     static constexpr std::string_view amplifiers[] = {"ideal", "charge"}, switches[] = {"false", "true"};
     static constexpr auto fields() {
@@ -54,7 +54,7 @@ struct ElectronicsParams {
                   "time after a sample at which the force changes, less than a step. 0.0: off."),
             field("aperture", &P::aperture, "s", at_least_0, "time over which a sample is the mean. 0.0: off."),
             field("jitter", &P::jitter, "s", at_least_0, "standard deviation of the time of a sample. 0.0: off."),
-            choice("linearised", &P::linearised, switches,
+            choice("linearized", &P::linearized, switches,
                    "true: the driver divides by what a pair of plates gains at the measured position. false: off."),
         };
     }

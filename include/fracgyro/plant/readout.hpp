@@ -1,13 +1,13 @@
 // From the position to its samples, and from a force to the time at which it acts: amplifiers, feedthrough, delays.
 //
-//    s = p(q) + β u       what a pick-off reads, and what the drive puts on it
+//    s = p(q) + β u       the reading of a pick-off, and the feedthrough of the drive
 //    ẇ = ω_h (s - w)      the high-pass of a charge amplifier, 1/(R_f C_f); it passes s - w
 //    ż = ω_p (s - w - z)  its low-pass; z is its output, or s - w without a pole
 //    y                    z at t - τ_s, or its mean over τ_a before; the force u acts from t + τ_u on
 //
 // All of it is linear but p(q) - q. Rows of matrix exponentials are therefore exact for a gyroscope with a held force,
-// whatever the pole. p(q) - q is taken as a line over the step, and what the motion of a varying gyroscope has more than
-// that of the linear one as a parabola: their errors are h³ a step, of a small part of the signal.
+// whatever the pole. p(q) - q is taken as a line over the step, and the motion of a varying gyroscope less that of the
+// linear one as a parabola: their errors are h³ a step, of a small part of the signal.
 #pragma once
 
 #include "fracgyro/plant/gyroscope.hpp"
@@ -39,14 +39,14 @@ struct Readout {
     struct Coefficients {
         std::array<Row, 4> inside{};                                   // w, z at the end
         std::array<Row, 2> output{}, position{};                       // y; q at the end, of the linear gyroscope
-        std::array<Vec2<double>, 2> late_position{}, late_velocity{};  // of a force over τ_u: by x, by y
+        std::array<Vec2<double>, 2> late_position{}, late_velocity{};  // effect of a force over τ_u: by x, by y
         std::array<std::array<double, 2>, 6> at_rest{};  // w, z, y of a motion at the resonance, from q and q̇
         double step = 0.0;
         bool on = false;
     };
     struct State {
         std::array<double, 4> inside{};
-        Vec2<double> force{}, reading{};  // of the step before; the coming sample
+        Vec2<double> force{}, reading{};  // force of the step before; the coming sample
     };
 
     static Coefficients prepare(const ReadoutParams& p, const GyroscopeParams& plant, double step) {
@@ -97,7 +97,7 @@ struct Readout {
         return state;
     }
 
-    // What a step with this force over all of it leaves out: that the one before acts until τ_u.
+    // Adds the part that a step with this force over all of it leaves out: the one before acts until τ_u.
     static void delay(Motion<double>& next, const State& state, const Coefficients& c, const Vec2<double>& force) {
         const Vec2<double> more = state.force - force;
         next.position = next.position + (more.x() * c.late_position[0] + more.y() * c.late_position[1]);

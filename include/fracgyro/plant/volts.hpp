@@ -22,12 +22,12 @@ struct VoltsParams {
     ElectrodeScales scales() const { return {.force = mass * rate * rate * length, .length = length}; }
 };
 
-// What the electrodes are at rest and at bias. Nondimensional but for volts and charges.
+// Electrodes about the mass at rest and at bias. Nondimensional but for volts and charges.
 struct AtBias {
     Sym2<double> softening{};             // true
     Sym2<double> gain{}, true_gain{};     // force per volt, as designed and true
     Sym2<double> charge{};                // C/m that a pick-off gives, as designed
-    Vec2<double> capacitance{}, noise{};  // of pick-offs, F; m/√Hz
+    Vec2<double> capacitance{}, noise{};  // pick-offs, F; position, m/√Hz
     bool drives = false, reads = false;
 };
 
@@ -39,7 +39,7 @@ inline Sym2<double> inverse(const Sym2<double>& a) {
     return {per * a.yy(), -(per * a.xy()), per * a.xx()};
 }
 
-// A pick-off has the carrier's voltage on it besides its bias.
+// A carrier's voltage is on a pick-off together with its bias.
 inline double pickoff_voltage(const ElectronicsParams& e, const ElectrodeParams& p) {
     return e.carrier_frequency > 0.0 ? e.carrier_voltage : absolute(p.bias);
 }
@@ -111,18 +111,18 @@ struct Volts {
     struct Coefficients {
         std::vector<Electrode> electrodes{}, pickoffs{};
         std::vector<Vec2<double>> weights{};  // reading of each pick-off times this is its part of p(q)
-        std::array<double, 2> per_gap{};      // of the force electrode of each axis
+        std::array<double, 2> per_gap{};      // X per length at the force electrode of each axis
         Sym2<double> volts_per_force{}, force_per_volt{}, known_gain{}, softening{};
         Vec2<double> resting{};  // force at q = 0 and at bias, which is held
         std::array<Quantizer, 2> converters{};
         Readout::Coefficients readout{};
-        double half = 0.0, late = 0.0;  // of a step, and of an update
-        bool on = false, drives = false, acts = false, reads = false, linearised = false;
-        bool converts = false;  // what acts is not what was asked for, and known
+        double half = 0.0, late = 0.0;  // half a step; delay of an update
+        bool on = false, drives = false, acts = false, reads = false, linearized = false;
+        bool converts = false;  // the acting force differs from the request, and is known
     };
     struct State {
         Readout::State readout{};
-        Vec2<double> volts{}, volts_before{}, bent{};  // of this step, of the one before; p(q) - q
+        Vec2<double> volts{}, volts_before{}, bent{};  // in this step, in the one before; p(q) - q
         Vec2<double> code{};                           // the force that the last code is meant to be
         std::int64_t touched = 0;                      // 1 + place of the electrode that the mass touches
     };
@@ -138,7 +138,7 @@ struct Volts {
         c.late = p.electronics.update_delay * p.rate;
         c.drives = at.drives;
         c.reads = at.reads;
-        c.linearised = p.electronics.linearised;
+        c.linearized = p.electronics.linearized;
         c.softening = at.softening;
         if (c.drives) {
             c.volts_per_force = inverse(at.gain);
@@ -196,7 +196,7 @@ struct Volts {
         return c.known_gain * (more * volts(c, asked, more));
     }
 
-    // What electrodes do beyond `resting` and their linear part.
+    // Force of the electrodes beyond `resting` and their linear part.
     static Vec2<double> rest(const Coefficients& c, const Vec2<double>& q, const Vec2<double>& volts) {
         Vec2<double> force{};
         for (const Electrode& each : c.electrodes) {
@@ -231,9 +231,9 @@ private:
         const Vec2<double> v{wanted.x() / grown.x(), wanted.y() / grown.y()};
         return {c.converters[0](v).x(), c.converters[1](v).y()};
     }
-    // What a volt of each axis gives at the measured position over what it gives at rest, if the driver knows.
+    // Force per volt of each axis at the measured position over that at rest, if the driver knows.
     static Vec2<double> grown(const Coefficients& c, const Vec2<double>& measured) {
-        if (!c.linearised) {
+        if (!c.linearized) {
             return {1.0, 1.0};
         }
         return {growth(c.per_gap[0] * measured.x()), growth(c.per_gap[1] * measured.y())};

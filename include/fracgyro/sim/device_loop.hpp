@@ -15,7 +15,7 @@ struct DeviceSetupOf : SetupOf<Params> {
     AngularRateParams rate{};
     ImperfectionParams device{};
     VoltsParams volts{};
-    std::int64_t* touched = nullptr;  // where a run states 1 + place of the electrode at which it ended, otherwise 0
+    std::int64_t* touched = nullptr;  // a run writes here 1 + place of the electrode at which it ended, otherwise 0
 };
 using DeviceSetup = DeviceSetupOf<ControllerParams>;
 
@@ -155,7 +155,7 @@ struct DeviceGyroscope {
         const Vec2<double> given = Volts::drive(state.volts, c.volts, late, state.measured.position);
         state.applied = Imperfections::give(c.device, given);
     }
-    // The force that the code for the last request means, for controllers that are told; otherwise nullptr.
+    // The force that the code for the last request means, for controllers that take it; otherwise nullptr.
     static const Vec2<double>* code(const State& state, const Coefficients& c) {
         return c.volts.converts ? &state.volts.code : nullptr;
     }
@@ -196,8 +196,8 @@ private:
     }
     // Forces that depend on the position only are kicks, half a step of them before and after the exact step (Strang,
     // "On the construction and comparison of difference schemes", 1968): an error of h³ a step, and over any number of
-    // steps no energy gained or lost, as by a force that is held from the sample. If the plant also varies in time, they
-    // are a part of what Lawson's method steps.
+    // steps no energy gained or lost, unlike a force that is held from the sample. If the plant also varies in time,
+    // they are a part of N in Lawson's method.
     static void step_in_volts(State& state, const Coefficients& c, std::int64_t n) {
         const Volts::Coefficients& v = c.volts;
         Volts::State& volts = state.volts;

@@ -81,7 +81,7 @@ def filtered_types(kind: str) -> tuple[bool, ...]:
 
 @lru_cache
 def told_types(kind: str) -> tuple[bool, ...]:
-    """True for each type of this kind that is told which force the code of a converter means."""
+    """True for each type of this kind that takes the force that the code of a converter means."""
     return tuple(_core.told_types_of_kind(KINDS.index(kind)))
 
 

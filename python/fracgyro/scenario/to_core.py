@@ -132,7 +132,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
 
 
 def _told(scenario: Scenario) -> bool:
-    """True if the controller, or the filter before it, is told which force the code of a converter means."""
+    """True if the controller, or the filter before it, takes the force that the code of a converter means."""
     c = scenario.controller
     types, place = told_types(c.kind), 0
     if len(types) > 1 and c.adaptive:

@@ -71,5 +71,5 @@ def _check_electronics(scenario: Any) -> None:
             f"electronics.amplifier is {toml_value(e.amplifier)}: it must be ideal without electrodes of role pickoff"
         )
     plates = [one for one in electrodes.of("force") if one.kind == "plate" and one.pair]
-    if e.linearised and not plates:
-        raise message_error("electronics.linearised is true: it needs pairs of plates of role force")
+    if e.linearized and not plates:
+        raise message_error("electronics.linearized is true: it needs pairs of plates of role force")

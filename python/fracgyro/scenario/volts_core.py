@@ -47,7 +47,7 @@ IDEAL_NUMBERS = electronics_numbers(IDEAL_ELECTRONICS)
 
 
 def at_bias(scenario: Any) -> AtBias:
-    """What electrodes and electronics of a scenario are around the resting mass."""
+    """Electrodes and electronics of a scenario around the resting mass."""
     return _at_bias(scenario.plant, scenario.electrodes, scenario.electronics)
 
 
@@ -77,7 +77,7 @@ def _plant_at_bias(plant: Plant, electrodes: Electrodes, electronics: Electronic
 
 
 def lag(scenario: Any) -> float:
-    """Time, s, by which readings and forces are late at the resonance of x, besides device.delay."""
+    """Time, s, by which readings and forces are late at the resonance of x, without device.delay."""
     e, plant = scenario.electronics, plant_at_bias(scenario)
     omega = math.sqrt(max(plant.effective_stiffness().xx, 0.0) / plant.mass)
     found = e.sample_delay + e.aperture / 2 + e.update_delay
@@ -101,7 +101,7 @@ def drive(scenario: Any) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def bias_rows(scenario: Any) -> list[tuple[str, str]]:
-    """What a device in volts is at bias, as text: name and value. Raises ScenarioError without electrodes."""
+    """Figures of a device in volts at bias, as text: name and value. Raises ScenarioError without electrodes."""
     if scenario.electrodes == NO_ELECTRODES:
         raise ScenarioError("electrodes are missing: a scenario without them has no bias; it must have some")
     at, plant = at_bias(scenario), plant_at_bias(scenario)
