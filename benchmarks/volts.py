@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import fracgyro as fg
@@ -66,7 +67,12 @@ def softened(electrodes: list[dict[str, Any]]) -> dict[str, Any]:
 
 def output(changes: Mapping[str, Any]) -> float:
     """Mean of the rate over the last whole beats of the split, rad/s."""
-    run = fg.simulate(BASE.replace(dict(changes)))
+    return _output(BASE.replace(dict(changes)))
+
+
+@cache
+def _output(scenario: fg.Scenario) -> float:
+    run = fg.simulate(scenario)
     rate = run["rate_estimate"].values * BASE.plant.scales.rate
     seconds = float(run["time"].values[-1]) / BASE.plant.reference_frequency
     beats = math.floor(0.3 * seconds * SPLIT)

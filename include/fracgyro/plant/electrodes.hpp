@@ -7,7 +7,7 @@
 //    skewed    the same with gaps g and λ g: 1/(1 - Y) + 1/(λ + Y); for quadrature four groups, mirrored at both axes,
 //              at V ± v, whose static forces cancel
 //
-// The part that is linear about the mass at rest is kept apart, for the exact step: the softening, which belongs into K,
+// The part that is linear about the mass at rest is kept apart, for the exact step: the softening, which belongs to K,
 // and the gain in force per volt. `Electrode::force` is the whole force: sums, products and one or two divisions, so
 // that it has the same bits everywhere.
 #pragma once
