@@ -106,6 +106,18 @@ nb::list term_fields() {
     for_each_setting_of("disturbance", term, Describe{all});
     return all;
 }
+nb::list electronics_fields() {
+    nb::list all;
+    const ElectronicsParams params;
+    for_each_setting_of("electronics", params, Describe{all});
+    return all;
+}
+nb::list electrode_fields() {
+    nb::list all;
+    const ElectrodeParams params;
+    for_each_setting_of("electrodes", params, Describe{all});
+    return all;
+}
 nb::list fields_of_plant(std::size_t kind) {
     nb::list all;
     for_each_own_number(kind, Describe{all});
@@ -169,6 +181,8 @@ void bind_controller(nb::module_& m) {
           "Descriptions of the numbers of a run of this kind, in order.");
     m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");
     m.def("term_fields", &term_fields, "Descriptions of the numbers of a term of the disturbance, in order.");
+    m.def("electronics_fields", &electronics_fields, "Descriptions of the numbers of amplifiers and timing, in order.");
+    m.def("electrode_fields", &electrode_fields, "Descriptions of the numbers of an electrode, in order.");
     m.def("fields_of_plant", &fields_of_plant, nb::arg("kind"),
           "Descriptions of the numbers that plants of this kind have of their own, in order.");
     m.def(
@@ -193,6 +207,18 @@ void bind_controller(nb::module_& m) {
             return takes;
         },
         nb::arg("kind"), "True for each of its types that takes a filter of the measured motions.");
+    m.def(
+        "told_types_of_kind",
+        [](std::size_t kind) {
+            std::vector<bool> told;
+            with_params(params_of_kind(kind), [&]<class Family>(const auto&, Family) {
+                [&]<class... Types>(List<Types...>) {
+                    (told.push_back(KnowsForce<Types>), ...);
+                }(typename Family::template Types<double>{});
+            });
+            return told;
+        },
+        nb::arg("kind"), "True for each of its types that takes the force that the code of a converter means.");
 }
 
 }  // namespace fracgyro::bindings

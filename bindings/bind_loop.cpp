@@ -32,6 +32,20 @@ ReferenceLists reference_lists(const std::vector<std::array<double, 6>>& terms,
     return lists;
 }
 
+// Electronics, and each electrode, as numbers in the order of their fields; units of mass, length and rate.
+VoltsParams volts_from(const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes,
+                       const std::array<double, 3>& units) {
+    VoltsParams made{.mass = units[0], .length = units[1], .rate = units[2], .present = true};
+    const double* next = electronics.data();
+    for_each_setting_of("electronics", made.electronics, detail::TakeFrom{next});
+    for (const std::vector<double>& each : electrodes) {
+        const double* own = each.data();
+        for_each_setting_of("electrodes", made.electrodes.emplace_back(), detail::TakeFrom{own});
+    }
+    return made;
+}
+std::array<double, 3> entries(const Sym2<double>& a) { return {a.xx(), a.xy(), a.yy()}; }
+
 }  // namespace
 
 void bind_loop(nb::module_& m) {
@@ -96,6 +110,31 @@ void bind_loop(nb::module_& m) {
         },
         nb::arg("setup"), "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
 
+    m.def(
+        "at_bias",
+        [](const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes,
+           const std::array<double, 2>& resonance) {
+            const AtBias at = at_bias(volts_from(electronics, electrodes, {1.0, 1.0, 1.0}),
+                                      {resonance[0] * resonance[0], resonance[1] * resonance[1]});
+            return std::vector<std::array<double, 3>>{entries(at.softening),
+                                                      entries(at.gain),
+                                                      entries(at.charge),
+                                                      {at.capacitance.x(), 0.0, at.capacitance.y()},
+                                                      {at.noise.x(), 0.0, at.noise.y()}};
+        },
+        nb::arg("electronics"), nb::arg("electrodes"), nb::arg("resonance"),
+        "In SI, each xx, xy, yy: softening in N/m, gain in N/V and charge in C/m as designed, capacitance of the "
+        "pick-offs in F, noise of the position in m/sqrt(Hz). `resonance`: of x and y at bias, rad/s.");
+    m.def(
+        "pull_in_voltage",
+        [](const std::vector<double>& electrode) {
+            const double* next = electrode.data();
+            ElectrodeParams p;
+            for_each_setting_of("electrodes", p, detail::TakeFrom{next});
+            return pull_in_voltage(p, 1.0);
+        },
+        nb::arg("electrode"), "Voltage at which plates pull in a spring of 1 N/m.");
+
     nb::class_<Setup>(m, "Setup")
         .def_prop_ro("kind", [](const Setup& s) { return s.controller.index(); })
         .def_ro("steps", &Setup::steps)
@@ -159,6 +198,15 @@ void bind_loop(nb::module_& m) {
             nb::arg("settings"), nb::arg("rate"), nb::arg("temperature"), nb::arg("seed"),
             "Numbers of the rate and the device in the order of device_fields; times, in steps, and values of the rate "
             "and of the change of temperature; the seed of the rate.")
+        .def(
+            "set_volts",
+            [](RunSetup& s, const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes,
+               const std::array<double, 3>& units) { s.volts = volts_from(electronics, electrodes, units); },
+            nb::arg("electronics"), nb::arg("electrodes"), nb::arg("units"),
+            "Numbers in the order of electronics_fields, and for each electrode of electrode_fields; units of mass, "
+            "length and rate, in SI.")
+        .def_ro("touched", &RunSetup::touched_last,
+                "1 + place of the electrode that the mass touched at the end of the last run, otherwise 0.")
         .def(
             "set_plant",
             [](RunSetup& s, std::size_t kind, const std::vector<double>& values) {

@@ -60,6 +60,11 @@ concept Resumable =
         { C::sound(known, c) } -> std::same_as<bool>;
     };
 
+// A controller that takes, after a step, the force that its request became: that which the code of a converter means.
+template <class C>
+concept KnowsForce = requires(typename C::State& state, const typename C::Coefficients& c,
+                              const Vec2<typename C::Value>& force) { C::acted(state, c, force); };
+
 // True unless the controller declares otherwise, as a controller behind an observer does.
 template <class C>
 inline constexpr bool measures_velocity = true;

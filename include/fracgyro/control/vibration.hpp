@@ -14,7 +14,7 @@
 //        ω̂ = ω + k_p φ + ∫ k_i φ        k_p = 1.4 w        k_i = w²
 //        F = k_a (A_r - A) + ∫ k_a k_b (A_r - A)        u = F cos θ′
 //
-//    θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay declared in the datasheet.
+//    θ′ = θ + ω̂h (½ + delay) + ω̂ lag: the center of the hold, and what the datasheet states.
 //
 // Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once
@@ -30,6 +30,7 @@ struct ConventionalParams {
     double amplitude_integral = 0.002;    // k_b
     double demodulation_bandwidth = 0.2;  // μ/h
     double output_bandwidth = 0.01;
+    double lag = 0.0;
     Datasheet datasheet{};
 
     static constexpr auto fields() {
@@ -46,6 +47,10 @@ struct ConventionalParams {
             field("output_bandwidth", &P::output_bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: of the filter of the angular rate."),
             Inner{"datasheet", &P::datasheet},
+            in_table("datasheet",
+                     fixed(field("lag", &P::lag, "1/omega0", any_number,
+                                 "Unit 1/omega0: time by which readings and forces are late in "
+                                 "addition to delay: by amplifiers and parts of steps. Not set: that simulated."))),
         };
     }
 };
@@ -78,7 +83,7 @@ struct Vibration {
     // brakes: the drive may also damp, down to minus the limit, as a vibration that decays for minutes needs.
     static Coefficients prepare(const ConventionalParams& p, const Common& common, bool brakes = false) {
         const double h = common.step, w = common.reference.frequency.x();
-        const double lead = 0.5 + static_cast<double>(p.datasheet.delay);
+        const double lead = 0.5 + static_cast<double>(p.datasheet.delay) + p.lag / h;
         const double amplitude_gain = 2.0 * w * p.amplitude_bandwidth;
         const bool limited = common.force_limit < std::numeric_limits<double>::infinity();
         const double most = limited ? common.force_limit : static_cast<double>(std::numeric_limits<float>::max());

@@ -16,8 +16,8 @@
 //
 //        Y = b - j a        dY/dt = (jδ - ½dyy) Y + W + F_c/(2jω̂)        Re F_c = -2 A ω̂ Ωz
 //
-//    The rate is filtered by a first-order low-pass. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
-//    declared in the datasheet. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
+//    The rate is filtered by a first-order low-pass. θ′ = θ + ω̂h (½ + delay) + ω̂ lag: the center of the hold, and
+//    what the datasheet states. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
 //
 // Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once

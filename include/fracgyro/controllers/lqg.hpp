@@ -105,6 +105,9 @@ struct LqgOf {
         Filter::predict(state.filter, c.filter, r, acts, missing == nullptr);
         return signals;
     }
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force) {
+        Filter::acted(state.filter, c.filter, force);
+    }
 };
 
 template <Scalar T>

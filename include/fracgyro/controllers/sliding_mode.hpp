@@ -167,6 +167,13 @@ struct SlidingModeController {
         return signals;
     }
 
+    // For the filter of the motion, the force that acts.
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force)
+        requires estimates_motion
+    {
+        AdaptationType::Filter::acted(state.adaptation, c.adaptation.filter, force);
+    }
+
 private:
     static decltype(auto) control_estimates(const State& state, const Coefficients& c, const Report& known) {
         if constexpr (estimates_motion) {

@@ -243,6 +243,18 @@ struct JointFilter {
         }
     }
 
+    // The force requested last acts as this one: what the codes of a converter mean. After `predict`.
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force) {
+        const Vec2<T> more = force - state.force;
+        state.force = force;
+        if (c.delay > 0) {
+            state.waiting[(state.steps - 1) % static_cast<std::uint32_t>(c.delay)] = force;
+            return;
+        }
+        state.error.value = state.error.value + (c.over[0] * c.over[1]) * more;
+        state.error.derivative = state.error.derivative + c.over[0] * more;
+    }
+
 private:
     // Variance of an estimate according to the model.
     static T variance(const State& state, const Coefficients& c, std::size_t k) {

@@ -87,6 +87,18 @@ struct MotionFilter {
         return signals;
     }
 
+    // The force that the last step requested acts as this one.
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force) {
+        const Vec2<T> more = force - state.force;
+        state.force = force;
+        if (c.delay > 0) {
+            state.under[0] = force;
+            return;
+        }
+        state.motion.position = state.motion.position + c.push[0] * more;
+        state.motion.velocity = state.motion.velocity + c.push[1] * more;
+    }
+
 private:
     // The first sample starts the filter, at rest if only positions are measured.
     static void correct(State& state, const Coefficients& c, const Motion<T>& measured) {
@@ -155,6 +167,12 @@ struct Filtered {
         return Filter::step(state.filter, c.filter, measured, missing != nullptr, [&](const Motion<T>& seen) {
             return Controller::step(state.controller, c.controller, seen, missing);
         });
+    }
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force) {
+        Filter::acted(state.filter, c.filter, force);
+        if constexpr (KnowsForce<Controller>) {
+            Controller::acted(state.controller, c.controller, force);
+        }
     }
 };
 

@@ -64,6 +64,11 @@ struct Observer {
         q = q + c.step * v + c.half_square * a;
         v = v + c.step * a;
     }
+    // The force of that prediction was larger by this.
+    static void more(State& state, const Coefficients& c, const Vec2<T>& force) {
+        state.motion.position = state.motion.position + c.half_square * force;
+        state.motion.velocity = state.motion.velocity + c.step * force;
+    }
 };
 
 // A controller that receives only positions: the velocity passed to it is ignored.
@@ -116,6 +121,13 @@ struct Observing {
         }
         Observer<T>::predict(state.observer, c.observer, state.force);
         return signals;
+    }
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force) {
+        Observer<T>::more(state.observer, c.observer, force - state.force);
+        state.force = force;
+        if constexpr (KnowsForce<Controller>) {
+            Controller::acted(state.controller, c.controller, force);
+        }
     }
 };
 

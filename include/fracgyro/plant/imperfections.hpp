@@ -189,10 +189,17 @@ struct Imperfections {
 
     // The force that acts over the step from sample n on, for the force requested there; called once per step. Zero at
     // first.
-    static Vec2<double> actuate(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
+    static Vec2<double> actuate(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
+        return give(c, late(state, c, asked, n));
+    }
+    // Its two parts: the force that is due, and what the actuator makes of it.
+    static Vec2<double> late(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
         if (c.device.delay > 0) {
             std::swap(asked, state.waiting[static_cast<std::size_t>(n % c.device.delay)]);
         }
+        return asked;
+    }
+    static Vec2<double> give(const Coefficients& c, const Vec2<double>& asked) {
         const Vec2<double> given = c.device.actuator()(asked);
         return c.acts_as_is ? given : c.force(given);
     }

@@ -54,6 +54,12 @@ struct VaryingGyroscope {
 
     static void step(Motion<double>& state, const Coefficients& c, Vec2<double> control, Vec2<double> disturbance,
                      const Course& course) {
+        step(state, c, control, disturbance, course, NoForce{});
+    }
+    // With a further force that depends on the position: more(q).
+    template <class Force>
+    static void step(Motion<double>& state, const Coefficients& c, Vec2<double> control, Vec2<double> disturbance,
+                     const Course& course, const Force& more) {
         using Point = Motion<double>;
         const auto flow = [&](Point x) {
             Gyroscope<double>::step(x, c.half, control, disturbance);
@@ -67,11 +73,11 @@ struct VaryingGyroscope {
         if (c.inertial) {
             x.velocity = x.velocity + course.rate_before * turned(x.position);
         }
-        const Point k1 = rest(c, course.at[0], x);
+        const Point k1 = rest(c, course.at[0], x, more);
         const Point middle = flow(x);
-        const Point k2 = rest(c, course.at[1], flow(plus(x, 0.5 * h, k1)));
-        const Point k3 = rest(c, course.at[1], plus(middle, 0.5 * h, k2));
-        const Point k4 = rest(c, course.at[2], flow(plus(middle, h, k3)));
+        const Point k2 = rest(c, course.at[1], flow(plus(x, 0.5 * h, k1)), more);
+        const Point k3 = rest(c, course.at[1], plus(middle, 0.5 * h, k2), more);
+        const Point k4 = rest(c, course.at[2], flow(plus(middle, h, k3)), more);
         const Point most = plus(plus(flow(plus(x, h / 6.0, k1)), h / 3.0, k2), h / 3.0, k3);
         state = plus(flow(most), h / 6.0, k4);
         if (c.inertial) {
@@ -80,10 +86,17 @@ struct VaryingGyroscope {
     }
 
 private:
+    struct NoForce {};
+
     // N(t, x)
-    static Motion<double> rest(const Coefficients& c, const Variation& now, const Motion<double>& x) {
+    template <class Force>
+    static Motion<double> rest(const Coefficients& c, const Variation& now, const Motion<double>& x,
+                               const Force& more) {
         const Vec2<double>& q = x.position;
         Vec2<double> force = -(now.stiffness * (c.stiffness * q) + c.cubic * (q * (q * q)));
+        if constexpr (!std::is_same_v<Force, NoForce>) {
+            force = force + more(q);
+        }
         if (now.damping != 0.0) {
             const Vec2<double> velocity = c.inertial ? x.velocity - now.rate * turned(q) : x.velocity;
             force = force - now.damping * (c.damping * velocity);

@@ -23,6 +23,8 @@ public:
 
     // Functions of a Controller (controller.hpp). The report of the step is kept until it is requested.
     virtual Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) = 0;
+    // The force that the last step requested acts as this one.
+    virtual void acted(const Vec2<T>&) {}
     virtual void start_over(bool keep_estimates) = 0;
     virtual std::uint64_t steps() const = 0;
     virtual bool needs_velocity() const { return true; }
@@ -74,6 +76,11 @@ public:
             return stepped_here(measured, missing);
         } else {
             return stepped(measured, missing);
+        }
+    }
+    void acted(const Vec2<T>& force) override {
+        if constexpr (KnowsForce<C>) {
+            C::acted(state_, coefficients_, force);
         }
     }
     void start_over(bool keep_estimates) override { C::start_over(state_, keep_estimates); }
@@ -159,6 +166,12 @@ public:
     Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
         return Part::step(state_, coefficients_, measured, missing != nullptr,
                           [&](const Motion<T>& seen) { return controller_.step(seen, missing); });
+    }
+    void acted(const Vec2<T>& force) override {
+        if constexpr (requires { Part::acted(state_, coefficients_, force); }) {
+            Part::acted(state_, coefficients_, force);
+        }
+        controller_.acted(force);
     }
     void start_over(bool keep_estimates) override {
         controller_.start_over(keep_estimates);
@@ -290,6 +303,7 @@ struct Erased {
         state.controller = c.controller;
         return c.controller->step(measured, missing);
     }
+    static void acted(State&, const Coefficients& c, const Vec2<T>& force) { c.controller->acted(force); }
 };
 
 // Calls visit.template operator()<C>() with the type that represents this controller: behind an observer if the device

@@ -10,7 +10,12 @@ using ErasedSetup = PlantSetupOf<ErasedParams<double>>;
 
 // The run of a setup, with this controller.
 inline ErasedSetup erased_setup(const PlantSetup& s, AnyController<double>& controller) {
-    return {{{{.controller = &controller}, s.common, s.plant, s.disturbance, s.steps}, s.rate, s.device}, s.model};
+    return {{{{.controller = &controller}, s.common, s.plant, s.disturbance, s.steps},
+             s.rate,
+             s.device,
+             s.volts,
+             s.touched},
+            s.model};
 }
 
 // Calls observe(DeviceSnapshot) at every sample, like run_loop.
@@ -20,6 +25,9 @@ std::int64_t run_plant_loop(const ErasedSetup& setup, Observe&& observe) {
     const auto coefficients = Loop::prepare(setup);
     auto state = Loop::begin(setup);
     Loop::run(state, coefficients, setup.steps + 1, DeviceGyroscope::Draw(setup), observe);
+    if (setup.touched != nullptr) {
+        *setup.touched = state.volts.touched;
+    }
     return state.step;
 }
 

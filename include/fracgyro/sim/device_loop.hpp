@@ -5,6 +5,7 @@
 #include "fracgyro/plant/imperfections.hpp"
 #include "fracgyro/sim/recorder.hpp"
 #include "fracgyro/plant/varying_gyroscope.hpp"
+#include "fracgyro/plant/volts.hpp"
 
 namespace fracgyro {
 
@@ -13,14 +14,22 @@ template <class Params>
 struct DeviceSetupOf : SetupOf<Params> {
     AngularRateParams rate{};
     ImperfectionParams device{};
+    VoltsParams volts{};
+    std::int64_t* touched = nullptr;  // a run writes here 1 + place of the electrode at which it ended, otherwise 0
 };
 using DeviceSetup = DeviceSetupOf<ControllerParams>;
 
+// In time or with the velocity.
 template <class Params>
-bool plant_varies(const DeviceSetupOf<Params>& s) {
+bool plant_drifts(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return s.rate.kind != AngularRateKind::constant || d.rate_wanders() || d.stiffness_drift != 0.0 ||
-           d.damping_drift != 0.0 || d.cubic_stiffness.x() != 0.0 || d.cubic_stiffness.y() != 0.0;
+           d.damping_drift != 0.0;
+}
+template <class Params>
+bool plant_varies(const DeviceSetupOf<Params>& s) {
+    const Vec2<double>& cubic = s.device.cubic_stiffness;
+    return plant_drifts(s) || cubic.x() != 0.0 || cubic.y() != 0.0;
 }
 
 template <class Params>
@@ -28,7 +37,8 @@ bool is_ideal(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
            !d.position.on() && !d.velocity.on() && !d.actuator().on() && !d.pickoff.on() && !d.force.on() &&
-           d.delay == 0 && s.common.observer_bandwidth == 0.0 && !s.common.filter.on() && !s.common.trigger.on();
+           d.delay == 0 && !s.volts.present && s.common.observer_bandwidth == 0.0 && !s.common.filter.on() &&
+           !s.common.trigger.on();
 }
 
 // A Snapshot of such a run; position, velocity and error are the true ones, `signals.force` is the requested force.
@@ -47,10 +57,11 @@ struct DeviceGyroscope {
     struct Coefficients {
         Gyroscope<double>::Coefficients plant{};
         VaryingGyroscope::Coefficients varying{};
-        bool varies = false;
+        bool varies = false, drifts = false;
         double mean_rate = 0.0;
         AngularRate rate{{}, 0.0, 1.0, 0};
         Imperfections::Coefficients device{};
+        Volts::Coefficients volts{};
 
         // Temperature change in kelvin, `halves` half steps after sample n.
         double warmer(std::int64_t n, int halves) const { return device.device.temperature.within(n, halves); }
@@ -65,23 +76,35 @@ struct DeviceGyroscope {
     struct Drawn {
         Vec2<double> disturbance;
         DeviceDraw device;
+        Vec2<double> jitter{};
     };
     // All noise drawn in a run.
     class Draw {
     public:
         template <class Params>
         explicit Draw(const DeviceSetupOf<Params>& s)
-            : disturbance_(s.disturbance, s.common.step), noise_(s.device, s.disturbance.seed, s.common.step) {}
-        Drawn operator()(std::int64_t n) { return {disturbance_(n), noise_(n)}; }
+            : disturbance_(s.disturbance, s.common.step),
+              noise_(s.device, s.disturbance.seed, s.common.step),
+              volts_(s.volts, s.plant, s.disturbance.seed, s.common.step) {}
+        Drawn operator()(std::int64_t n) {
+            Drawn drawn{disturbance_(n), noise_(n)};
+            if (volts_.on()) {
+                drawn.device.noise.position = drawn.device.noise.position + volts_.amplifier(n);
+                drawn.jitter = volts_.jitter(n);
+            }
+            return drawn;
+        }
 
     private:
         Disturbance disturbance_;
         DeviceNoise noise_;
+        VoltsNoise volts_;
     };
     struct State {
         Motion<double> motion{}, measured{};
         Vec2<double> disturbance{}, applied{};
         Imperfections::State device{};
+        Volts::State volts{};
     };
 
     template <class Params>
@@ -90,19 +113,28 @@ struct DeviceGyroscope {
         return {.plant = Gyroscope<double>::prepare(s.plant, step),
                 .varying = VaryingGyroscope::prepare({s.plant, s.device.cubic_stiffness, s.rate.inertial}, step),
                 .varies = plant_varies(s),
+                .drifts = plant_drifts(s),
                 .mean_rate = s.plant.rate,
                 .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
-                .device = Imperfections::prepare(s.device)};
+                .device = Imperfections::prepare(s.device),
+                .volts = Volts::prepare(s.volts, s.plant, step)};
     }
     template <class Params>
     static State start(const DeviceSetupOf<Params>& s) {
         State state{};
         state.motion = Gyroscope<double>::start(s.plant);
+        if (s.volts.present) {
+            state.volts = Volts::start(Volts::prepare(s.volts, s.plant, s.common.step), state.motion);
+        }
         return state;
     }
     static const Motion<double>& sense(State& state, const Coefficients& c, const Drawn& drawn) {
         state.disturbance = drawn.disturbance;
-        state.measured = Imperfections::sense(state.device, c.device, state.motion, drawn.device);
+        Motion<double> seen = state.motion;
+        if (c.volts.on) {
+            seen.position = state.volts.readout.reading + drawn.jitter * seen.velocity;
+        }
+        state.measured = Imperfections::sense(state.device, c.device, seen, drawn.device);
         return state.measured;
     }
     template <class C, class Report>
@@ -114,19 +146,28 @@ struct DeviceGyroscope {
         act(state, c, signals.force, n);
     }
     static void act(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
-        state.applied = Imperfections::actuate(state.device, c.device, asked, n);
+        if (!c.volts.drives) {
+            state.applied = Imperfections::actuate(state.device, c.device, asked, n);
+            return;
+        }
+        const Vec2<double> late = Imperfections::late(state.device, c.device, asked, n);
+        state.volts.code = Volts::meant(c.volts, asked, state.measured.position);
+        const Vec2<double> given = Volts::drive(state.volts, c.volts, late, state.measured.position);
+        state.applied = Imperfections::give(c.device, given);
+    }
+    // The force that the code for the last request means, for controllers that take it; otherwise nullptr.
+    static const Vec2<double>* code(const State& state, const Coefficients& c) {
+        return c.volts.converts ? &state.volts.code : nullptr;
     }
     // Advances by one step under the acting force.
     static void step(State& state, const Coefficients& c, std::int64_t n) {
-        if (!c.varies) {
+        if (c.volts.on) {
+            step_in_volts(state, c, n);
+        } else if (c.varies) {
+            VaryingGyroscope::step(state.motion, c.varying, state.applied, state.disturbance, course(state, c, n));
+        } else {
             Gyroscope<double>::step(state.motion, c.plant, state.applied, state.disturbance);
-            return;
         }
-        VaryingGyroscope::Course course{.rate_before = c.rate.before(n) - c.mean_rate + state.device.bias_before};
-        for (int halves = 0; halves < 3; ++halves) {
-            course.at[static_cast<std::size_t>(halves)] = c.varied(n, halves, state.device.bias);
-        }
-        VaryingGyroscope::step(state.motion, c.varying, state.applied, state.disturbance, course);
     }
     template <class Report>
     static void step(State& state, const Coefficients& c, const Signals<double, Report>&, std::int64_t n) {
@@ -143,6 +184,54 @@ struct DeviceGyroscope {
                 c.device.device.damping_drift * warmer,
                 state.measured,
                 state.applied};
+    }
+
+private:
+    static VaryingGyroscope::Course course(const State& state, const Coefficients& c, std::int64_t n) {
+        VaryingGyroscope::Course found{.rate_before = c.rate.before(n) - c.mean_rate + state.device.bias_before};
+        for (int halves = 0; halves < 3; ++halves) {
+            found.at[static_cast<std::size_t>(halves)] = c.varied(n, halves, state.device.bias);
+        }
+        return found;
+    }
+    // Forces that depend on the position only are kicks, half a step of them before and after the exact step (Strang,
+    // "On the construction and comparison of difference schemes", 1968): an error of h³ a step, and over any number of
+    // steps no energy gained or lost, unlike a force that is held from the sample. If the plant also varies in time,
+    // they are a part of N in Lawson's method.
+    static void step_in_volts(State& state, const Coefficients& c, std::int64_t n) {
+        const Volts::Coefficients& v = c.volts;
+        Volts::State& volts = state.volts;
+        Motion<double> from = state.motion;
+        const Vec2<double> held = state.disturbance + v.resting;
+        if (c.drifts) {
+            VaryingGyroscope::step(state.motion, c.varying, state.applied, held, course(state, c, n),
+                                   [&](const Vec2<double>& q) { return Volts::rest(v, q, volts.volts); });
+        } else if (v.acts || c.varies) {
+            const Vec2<double>& cubic = c.varying.cubic;
+            // For a time with the voltages before the update, and for the rest of half a step with those after it.
+            const auto kick = [&](Motion<double>& at, double before) {
+                const Vec2<double>& q = at.position;
+                const auto push = [&](const Vec2<double>& volt, double time) {
+                    at.velocity = at.velocity + time * (Volts::rest(v, q, volt) - cubic * (q * (q * q)));
+                };
+                if (before > 0.0) {
+                    push(volts.volts_before, before);
+                }
+                if (before < v.half) {
+                    push(volts.volts, v.half - before);
+                }
+            };
+            kick(from, minimum(v.late, v.half));
+            state.motion = from;
+            Gyroscope<double>::step(state.motion, c.plant, state.applied, held);
+            kick(state.motion, maximum(v.late - v.half, 0.0));
+        } else {
+            Gyroscope<double>::step(state.motion, c.plant, state.applied, held);
+        }
+        if (v.readout.on) {
+            Readout::delay(state.motion, volts.readout, v.readout, state.applied);
+        }
+        Volts::finish(volts, v, from, state.motion, state.applied, held);
     }
 };
 
@@ -177,6 +266,9 @@ std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& obser
     const auto coefficients = Loop::prepare(setup);
     auto state = Loop::begin(setup);
     Loop::run(state, coefficients, setup.steps + 1, DeviceGyroscope::Draw(setup), observe);
+    if (setup.touched != nullptr) {
+        *setup.touched = state.volts.touched;
+    }
     return state.step;
 }
 

@@ -193,6 +193,11 @@ private:
         const Motion<T>& measured = Gyroscope::sense(state, c.gyroscope, draw(state.step));
         auto signals = C::step(state.controller, c.controller, measured);  // 1 to 5
         Gyroscope::template actuate<C>(state, c.gyroscope, signals, state.step);
+        if constexpr (KnowsForce<C> && requires { Gyroscope::code(state, c.gyroscope); }) {
+            if (const Vec2<T>* const force = Gyroscope::code(state, c.gyroscope)) {
+                C::acted(state.controller, c.controller, *force);
+            }
+        }
         return signals;
     }
 };

@@ -21,6 +21,7 @@ from ..scenario.linear import LINEAR, continuous
 from ..scenario.schema import HOLD_TOLERANCE
 from ..scenario.table import toml_value
 from ..scenario.to_core import core_setup
+from ..scenario.volts_core import has_volts
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -141,6 +142,7 @@ def assumptions(scenario: Scenario) -> list[str]:
     left_out = {
         "flicker noise of the sensors": device.position_noise_corner or device.velocity_noise_corner,
         "steps of the actuator's converter": device.actuator_bits,
+        "what electrodes and electronics do beyond softening and noise": has_volts(scenario),
         "ranges of the sensors": np.isfinite([*device.position_range, *device.velocity_range]).any(),
     }
     return found + [f"{name} could only raise it: left out" for name, on in left_out.items() if on]

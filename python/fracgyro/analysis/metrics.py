@@ -18,6 +18,7 @@ from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import AXES, ENTRIES
 from ..scenario.scales import si_unit
 from ..scenario.to_core import core_setup, only_laws
+from ..scenario.volts_core import plant_at_bias
 from ..simulation.dataset import metrics_dataset, units_of
 from ..simulation.measure import measure_many
 from ..simulation.user_controller import ControllerLike
@@ -373,5 +374,5 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
 
 def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     """D and K, nondimensional, with their deviations."""
-    damping, stiffness, _, more_damping, more_stiffness = scenario.plant.nondimensional()
+    damping, stiffness, _, more_damping, more_stiffness = plant_at_bias(scenario).nondimensional()
     return damping + more_damping, stiffness + more_stiffness

@@ -19,6 +19,7 @@ from ..scenario.named import named
 from ..scenario.quantities import number_of
 from ..scenario.shipped import NAMES, SHIPPED, shipped_text
 from ..scenario.to_core import core_setup
+from ..scenario.volts_core import bias_rows
 from ..simulation.user_controller import ControllerLike, controller_name
 from ..simulation.user_plant import PlantLike, UserPlant
 from .arrays import plain_arrays
@@ -181,8 +182,9 @@ def _many_runs(
 @click.command(name="scenario")
 @click.argument("name", metavar="SCENARIO", shell_complete=scenarios, required=False)
 @click.option("--units", type=click.Choice(["SI"]), help="Print every number with its unit.")
+@click.option("--at-bias", "biased", is_flag=True, help="Print what its electrodes are at bias, instead.")
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
-def scenario_command(name: str | None, units: str | None, listed: bool) -> None:
+def scenario_command(name: str | None, units: str | None, biased: bool, listed: bool) -> None:
     """Print SCENARIO, a name or a file, to edit and run. The paper scenarios explain every field."""
     if listed:
         width = max(map(len, NAMES))
@@ -190,7 +192,9 @@ def scenario_command(name: str | None, units: str | None, listed: bool) -> None:
             click.echo(f"{each:<{width}}  {words}")
     else:
         chosen = named(name or "paper")
-        if name in SHIPPED and not units:
+        if biased:
+            print_table(("at bias", "x, y"), bias_rows(chosen))
+        elif name in SHIPPED and not units:
             click.echo(shipped_text(name), nl=False)
         else:
             click.echo((chosen.in_si() if units else chosen).to_toml(), nl=False)

@@ -17,6 +17,8 @@ from ..scenario.kinds import DEVICE_NUMBERS, PLANT_KINDS, Channel, Number, numbe
 from ..scenario.schema import Plant
 from ..scenario.table import format_value
 from ..scenario.to_core import core_setup, datasheet, guard
+from ..scenario.volts import Electrodes, Electronics
+from ..scenario.volts_core import NO_ELECTRODES, has_volts, plant_at_bias
 from .units import scale_and_unit
 
 MAX_EXACT = 2**53 - 1  # integrations use doubles
@@ -40,7 +42,8 @@ def without_plant(scenario: Scenario) -> Scenario:
     assumed = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
     device = Device(**{"sensing": scenario.device.sensing})
     linear = scenario.replace({"plant.kind": PLANT_KINDS[0]})
-    return linear.model_copy(update={"rate": Rate(), "device": device, **assumed})
+    volts = {"plant": plant_at_bias(linear), "electrodes": Electrodes(), "electronics": Electronics()}
+    return linear.model_copy(update={"rate": Rate(), "device": device, **assumed, **volts})
 
 
 def check_gyroscope(scenario: Scenario) -> None:
@@ -89,6 +92,11 @@ def device_numbers(scenario: Scenario) -> dict[str, float]:
     """The numbers of a moving rate and a real device as the core takes them; none if the device is ideal."""
     if is_ideal(scenario):
         return {}
+    if has_volts(scenario):
+        table = "electronics" if scenario.electrodes == NO_ELECTRODES else "electrodes"
+        raise ScenarioError(
+            f"{table} is given: a loop in this target has no volts; leave the table out, or export the controller only"
+        )
     if scenario.rate.seed > MAX_EXACT:
         raise ScenarioError(f"rate.seed is {scenario.rate.seed}: it must be below 2^53 to be exported")
     return to_core.device_numbers(scenario)
@@ -145,7 +153,7 @@ def meaning(number: Number) -> str:
 
 def _si(scenario: Scenario, number: Number) -> float:
     """The scenario's number; the core's number times the scale may differ in the last digit."""
-    plant = scenario.plant
+    plant = plant_at_bias(scenario)
     value: Any = plant.effective_stiffness() if number.field == "stiffness" else getattr(plant, number.field)
     return float(getattr(value, number.part[1:]) if number.part else value)
 

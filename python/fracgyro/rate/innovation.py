@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from ..scenario import Scenario
+from ..scenario.volts_core import plant_at_bias
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -52,7 +53,7 @@ class Plant:
     @classmethod
     def of(cls, scenario: Scenario) -> Plant:
         """The plant of a scenario with its deviations, at plant.angular_rate."""
-        d, k, rate, by_d, by_k = scenario.plant.nondimensional()
+        d, k, rate, by_d, by_k = plant_at_bias(scenario).nondimensional()
         return cls(_matrix(d + by_d) + rate * ACROSS, _matrix(k + by_k))
 
     def inverse_response(self, frequency: float) -> Complex:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
+from ..scenario.volts_core import plant_at_bias
 from .sensor import Output, Sensor
 from .units import DEG_PER_S
 
@@ -116,7 +117,7 @@ def _couplings(scenario: Scenario) -> list[tuple[str, float, float]]:
 
     The stiffness deviation makes the quadrature force as large as the Coriolis force at the end of the range.
     """
-    plant = scenario.plant
+    plant = plant_at_bias(scenario)
     omega = math.sqrt(plant.stiffness.xx / plant.mass)
     stiffness = 2 * plant.mass * omega * RANGE
     damping = COUPLING * math.sqrt(plant.damping.xx * plant.damping.yy)

@@ -15,6 +15,8 @@ from .plants import check_kind
 from .printing import BY_KIND, fields_of_table, having, own_fields
 from .schema import HOLD_TOLERANCE
 from .table import MAX_STEPS, Table, format_value, message_error, of_other_kinds, toml_value
+from .volts_checks import check_volts
+from .volts_core import plant_at_bias
 
 
 def check(scenario: Any) -> None:
@@ -24,6 +26,7 @@ def check(scenario: Any) -> None:
     _check_noise_corners(scenario)
     _check_drift(scenario)
     check_kind(scenario.plant, scenario.rate, scenario.device)
+    check_volts(scenario)
     _check_kind(scenario)
     _check_fields_of_its_kind(scenario)
     _check_filter(scenario)
@@ -160,7 +163,7 @@ def _check_drift(scenario: Any) -> None:
 
 
 def _check_estimates(scenario: Any) -> None:
-    damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+    damping, stiffness, rate, _, _ = plant_at_bias(scenario).nondimensional()
     largest = max(abs(float(number)) for number in (*damping, *stiffness, rate))
     if scenario.controller.adaptive and scenario.adaptation.initial_ratio * largest == math.inf:
         raise message_error(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .device import Device
 from .points import Points
 from .scenario import Scenario
+from .volts_core import at_bias, drive, has_volts
 
 IDEAL = Device()
 
@@ -20,7 +21,7 @@ def is_ideal(scenario: Scenario) -> bool:
     """True if the rate is constant and the device ideal, and the controller receives the measurements themselves."""
     c = scenario.controller
     plain = bool(c.filter == "none" and not c.event_threshold and not c.event_share)
-    return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL
+    return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL and not has_volts(scenario)
 
 
 def rate_values(scenario: Scenario) -> dict[str, Any]:
@@ -52,20 +53,30 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
     # A white density N up to the corner f_c is that of flicker noise A^2/omega at f_c: A = N sqrt(pi f_c).
     to_flicker = math.sqrt(2 * math.pi * step * scales.time)
     cubic = scales.length * scales.length / scales.stiffness
-    return dict(vars(d)) | {
-        "position_noise": position_noise,
-        "velocity_noise": velocity_noise,
-        "position_flicker": position_noise * to_flicker * math.sqrt(d.position_noise_corner),
-        "velocity_flicker": velocity_noise * to_flicker * math.sqrt(d.velocity_noise_corner),
-        "position_range": [reach / scales.length for reach in d.position_range],
-        "velocity_range": [reach / scales.velocity for reach in d.velocity_range],
-        "actuator_limit": d.actuator_limit / scales.force,
-        "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
-        "stiffness_drift": 1e-6 * d.stiffness_coefficient,
-        "damping_drift": 1e-6 * d.damping_drift,
-        "bias_instability": d.bias_instability / scales.rate,
-        "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,
-    }
+    volts = {"amplifier_noise": (0.0, 0.0), "drive_limit": (math.inf, math.inf), "drive_step": (0.0, 0.0)}
+    if has_volts(scenario):
+        volts["amplifier_noise"] = tuple(to_deviation * at_bias(scenario).noise / scales.length)
+        most, steps = drive(scenario)
+        volts["drive_limit"] = tuple(force / scales.force for force in most)
+        volts["drive_step"] = tuple(force / scales.force for force in steps)
+    return (
+        dict(vars(d))
+        | volts
+        | {
+            "position_noise": position_noise,
+            "velocity_noise": velocity_noise,
+            "position_flicker": position_noise * to_flicker * math.sqrt(d.position_noise_corner),
+            "velocity_flicker": velocity_noise * to_flicker * math.sqrt(d.velocity_noise_corner),
+            "position_range": [reach / scales.length for reach in d.position_range],
+            "velocity_range": [reach / scales.velocity for reach in d.velocity_range],
+            "actuator_limit": d.actuator_limit / scales.force,
+            "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
+            "stiffness_drift": 1e-6 * d.stiffness_coefficient,
+            "damping_drift": 1e-6 * d.damping_drift,
+            "bias_instability": d.bias_instability / scales.rate,
+            "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,
+        }
+    )
 
 
 def sensor_variance(device: Mapping[str, Any], quantity: str) -> NDArray[np.float64]:
@@ -75,7 +86,8 @@ def sensor_variance(device: Mapping[str, Any], quantity: str) -> NDArray[np.floa
     """
     bits, spans = device[f"{quantity}_bits"], np.array(device[f"{quantity}_range"])
     steps = 2.0 * spans / 2.0**bits if bits else np.zeros(2)
-    return np.asarray(device[f"{quantity}_noise"] ** 2 + steps**2 / 12)
+    amplifiers = np.array(device["amplifier_noise"]) if quantity == "position" else np.zeros(2)
+    return np.asarray(device[f"{quantity}_noise"] ** 2 + amplifiers**2 + steps**2 / 12)
 
 
 Profile = tuple[list[float], list[float]]  # times, in steps of the run, and values

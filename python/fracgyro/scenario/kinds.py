@@ -79,12 +79,21 @@ def filtered_types(kind: str) -> tuple[bool, ...]:
     return tuple(_core.filtered_types_of_kind(KINDS.index(kind)))
 
 
+@lru_cache
+def told_types(kind: str) -> tuple[bool, ...]:
+    """True for each type of this kind that takes the force that the code of a converter means."""
+    return tuple(_core.told_types_of_kind(KINDS.index(kind)))
+
+
 # Fields of datasheet that the filter of the measured motions needs, whatever the kind.
 OF_FILTER = ("force_noise", "position_noise", "velocity_noise", "delay")
 
 
 # Those that a moving rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
+# Those of amplifiers and timing, and of an electrode, in SI.
+ELECTRONICS_NUMBERS = _numbers(_core.electronics_fields())
+ELECTRODE_NUMBERS = _numbers(_core.electrode_fields())
 # Those of a term of the disturbance.
 TERM_NUMBERS = _numbers(_core.term_fields())
 
@@ -191,9 +200,14 @@ def plant_fields() -> Definitions:
     return {name: _si_field(parts) for name, parts in found.items()}
 
 
-def _si_field(parts: list[Number]) -> tuple[Any, Any]:
+def listed_fields(listed: tuple[Number, ...]) -> Definitions:
+    """The fields of a table whose numbers the core has in SI."""
+    return {name: _si_field(list(parts), True) for name, parts in groupby(listed, lambda number: number.field)}
+
+
+def _si_field(parts: list[Number], in_si: bool = False) -> tuple[Any, Any]:
     first = parts[0]
-    unit = OTHER_UNITS.get(first.unit) or si_unit(first.unit)
+    unit = first.unit if in_si else OTHER_UNITS.get(first.unit) or si_unit(first.unit)
     meaning = first.meaning
     if unit not in ("1", "h"):
         meaning = f"{unit}{', ' if meaning[0] in '[>' else ': '}{meaning}"
@@ -228,7 +242,7 @@ def _field(parts: list[Number], derived: bool, paper: Any, *, expand: bool = Fal
         if derived:
             return number | None, field(None, first.meaning, unit=unit, **limits)
         return number, field(number(first.default) if paper is None else paper, first.meaning, unit=unit, **limits)
-    labelled = re.match(r"\[(.*?)\]", first.meaning)
+    labelled = re.match(r"(?:\S+, )?\[(.*?)\]", first.meaning)
     labels = labelled[1].replace(",", "") if labelled and not first.part.startswith(".") else "x y"
     entry = Annotated[float, Field(**limits)] if limits else float
     entries: Any = tuple.__class_getitem__((entry,) * len(parts))

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from .kinds import PLANT_KINDS
 from .scenario import Scenario
 from .to_core import own_plant_numbers
+from .volts_core import plant_at_bias
 
 LINEAR = (PLANT_KINDS[0], "general")  # plants with two axes and no spring that stiffens
 
 
 def continuous(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A and B of x' = A x + B (u + d) with x = [q, q'], eqs (9) and (13), for a plant.kind of LINEAR."""
-    damping, stiffness, rate, more_damping, more_stiffness = scenario.plant.nondimensional()
+    damping, stiffness, rate, more_damping, more_stiffness = plant_at_bias(scenario).nondimensional()
     d, k = damping + more_damping, stiffness + more_stiffness
     rates, forces = np.zeros((4, 4)), np.eye(4)[:, 2:]
     rates[:2, 2:] = np.eye(2)

@@ -110,7 +110,8 @@ def _numbered(text: str, place: int | None = None) -> str:
     """
     if place is not None:
         text = text.replace("disturbance.", f"disturbance[{place + 1}].")
-    return re.sub(r"disturbance\.added\[(\d+)\]", lambda found: f"disturbance[{int(found[1]) + 1}]", text)
+    text = re.sub(r"disturbance\.added\[(\d+)\]", lambda found: f"disturbance[{int(found[1]) + 1}]", text)
+    return text.replace("electrodes.each", "electrodes")
 
 
 def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:

@@ -55,13 +55,13 @@ class Constraints:
     50.0
     """
 
-    force: float  #: largest force on an axis: controller.force_limit or device.actuator_limit, if that is less
+    force: float  #: largest force on an axis: the least of force limit, actuator limit and drivers
     position: tuple[float, float]  #: motion that the sensors measure, the gap: device.position_range
     velocity: tuple[float, float]  #: the same for device.velocity_range
     angular_rate: float  #: largest magnitude of Omega_z during the run; infinite for noise, which is Gaussian
 
 
-def constraints(plant: Plant, rate: Rate, device: Device, force_limit: float, si: bool) -> Constraints:
+def constraints(plant: Plant, rate: Rate, device: Device, force_limit: float, drive: float, si: bool) -> Constraints:
     scales = plant.scales
     of = scales if si else Scales(1.0, 1.0, 1.0)
 
@@ -69,7 +69,7 @@ def constraints(plant: Plant, rate: Rate, device: Device, force_limit: float, si
         return reach[0] / scale * unit, reach[1] / scale * unit
 
     return Constraints(
-        force=min(force_limit, device.actuator_limit / scales.force) * of.force,
+        force=min(force_limit, device.actuator_limit / scales.force, drive / scales.force) * of.force,
         position=ranges(device.position_range, scales.length, of.length),
         velocity=ranges(device.velocity_range, scales.velocity, of.velocity),
         angular_rate=_largest_rate(plant, rate) / scales.rate * of.rate,

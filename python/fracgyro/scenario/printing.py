@@ -19,6 +19,7 @@ from .quantities import texts_of
 from .scales import SI_TABLES, si_unit
 from .table import Table, plain, toml_value
 from .units import Quantity
+from .volts import Electrode, Electrodes
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
 BEGIN = "# A fracgyro scenario."
@@ -36,17 +37,22 @@ def scenario_text(scenario: Table, *, texts: bool = True) -> str:
 def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
     """The TOML; `texts`: those of quantities, in which equal scenarios may differ."""
     lines = [
-        f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
+        f"{BEGIN} [plant], [rate], [device], [[electrodes]] and [electronics] are in SI, the rest is",
+        "# nondimensional.",
         *(["# A number with a unit, in quotes, is in that unit."] if texts else []),
         "# A table or field that is left out takes the paper's value, in the corrected reading.",
     ]
     tables = dict(scenario)
-    for name, fields in fields_shown(scenario).items():
-        table = tables[name]
+    for name, shown_fields in fields_shown(scenario).items():
+        table, fields = tables[name], shown_fields
         entries = table.entries if isinstance(table, Disturbance) else (table,)
         head = f"[{name}]" if len(entries) == 1 else f"[[{name}]]"
+        if isinstance(table, Electrodes):
+            entries, head, fields = table.each, f"[[{name}]]", tuple(Electrode.model_fields)
+            lines += [] if entries else ["", f"# {Electrodes.__doc__}"]
         for place, entry in enumerate(entries):
-            lines += ["", f"# {type(table).__doc__}" if place == 0 else "# Added to it.", head]
+            added = "# Another one." if isinstance(table, Electrodes) else "# Added to it."
+            lines += ["", f"# {type(table).__doc__}" if place == 0 else added, head]
             for field in fields:
                 info = type(entry).model_fields.get(field)
                 if info is None or field == "added":
@@ -98,6 +104,7 @@ def differing(pairs: Mapping[str, tuple[Any, Any]]) -> Iterator[tuple[str, tuple
             shown = [dict(table) if table else {} for table in both]
             usual = {field: info.default for field, info in type(both[0] or both[1]).model_fields.items()}
             at = f"disturbance[{place + 1}]" if name == "disturbance.added" else f"{name}[{place}]"
+            at = at.replace("electrodes.each", "electrodes")
             for field in usual:
                 pair = (shown[0].get(field), shown[1].get(field))
                 given = next((each for table, each in zip(both, pair, strict=True) if table), None)

@@ -20,6 +20,7 @@ from .scales import SI_TABLES, Scales, exact_unit
 from .schema import Controller, Plant
 from .table import Symmetric, Wrong, format_value, message_error
 from .units import Quantity, Unit, UnitError, factor, is_quantity, parse, printed, quantity
+from .volts import wrapped
 
 ACCELERATION = FORCE.removeprefix("m*")
 # Fields of [controller] that are exponents in units of other fields.
@@ -68,7 +69,7 @@ def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, 
     If `units` is SI, plain numbers of nondimensional fields and of files are in SI, too. A Wrong replaces text
     in a unit that its field does not have, and the rows of a file that has none.
     """
-    tables = {name: table for name, table in given.items() if name != "units"}
+    tables = {name: table for name, table in wrapped(given).items() if name != "units"}
     units = given.get("units", "nondimensional")
     if units not in ("nondimensional", "SI"):
         tables["units"] = Wrong(f"units is {format_value(units)}: it must be nondimensional or SI")

@@ -31,6 +31,7 @@ from .printing import OWN_KINDS, having
 from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
+from .volts import Electrode, Electrodes
 
 HEAD = """# Scenario reference
 
@@ -54,8 +55,10 @@ def _kinds() -> Iterator[str]:
 
 def _scenario() -> Iterator[str]:
     scenario = Scenario()
-    for name, table in scenario:
-        yield from [f"## [{name}]", "", sentences_of(type(table)), ""]
+    for name, whole in scenario:
+        listed = isinstance(whole, Electrodes)
+        yield from [f"## [[{name}]]" if listed else f"## [{name}]", "", sentences_of(type(whole)), ""]
+        table: Any = Electrode() if listed else whole
         schema = type(table).model_json_schema()
         groups: dict[tuple[str, ...], list[Sequence[str]]] = {(): []}
         for field, said in schema["properties"].items():

@@ -25,7 +25,13 @@ class Powers(NamedTuple):
         return {name: power for name, power in found.items() if power}
 
 
-SI_TABLES = ("plant", "rate", "device")  # tables of a scenario in SI; all others are nondimensional
+SI_TABLES = (
+    "plant",
+    "rate",
+    "device",
+    "electrodes",
+    "electronics",
+)  # tables of a scenario in SI; all others are nondimensional
 # SI units with special names.
 NAMED = {
     Powers(0, 0, 0): "1",
@@ -51,7 +57,7 @@ def powers(unit: str) -> Powers | None:
         found = parse_with(unit, OF_ONE.get).powers
     except UnitError:
         return None
-    kg, m, s, _, radians, _ = found
+    kg, m, s, _, _, radians, _ = found
     if radians or not all(power.is_integer() for power in found):
         return None
     return Powers(int(kg), int(m), -int(s))
@@ -126,10 +132,10 @@ def exact_unit(scales: Scales, unit: str, exponents: tuple[tuple[str, float], ..
     ones = {"m": scales.mass, "q0": scales.length, "omega0": scales.rate, "rad": 1.0}
     names = {name: Unit(Decimal(repr(float(one))), OF_ONE[name].powers) for name, one in ones.items()}
     found = parse_with(unit, names.get, dict(exponents))
-    kg, m, s, _, radians, _ = found.powers
+    kg, m, s, _, _, radians, _ = found.powers
     if s < 0 and not kg and not m:
         radians = -s
     whole = all(power.is_integer() for power in (kg, m, s))
     si = NAMED.get(Powers(int(kg), int(m), -int(s))) if whole else None
     si = ANGLE if unit == ANGLE else si or _spelled(zip(BASE[:3], (kg, m, s), strict=True))
-    return Unit(found.factor, (kg, m, s, 0.0, radians, 0.0)), si
+    return Unit(found.factor, (kg, m, s, 0.0, 0.0, radians, 0.0)), si

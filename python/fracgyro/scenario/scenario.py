@@ -52,11 +52,14 @@ from .schema import (
 from .shipped import NAMES, SHIPPED, shipped_text
 from .table import Table, format_value, toml_value
 from .toml import read_tables, read_text
+from .volts import Electrodes, Electronics
+from .volts_core import drive
 
 
 def _add_units(schema: dict[str, Any]) -> None:
     """The key `units` at the head of a file, which is read before its tables."""
-    said = "Units of plain numbers: with SI those of all tables, otherwise only of [plant], [rate] and [device]."
+    others = "[plant], [rate], [device], [[electrodes]] and [electronics]"
+    said = f"Units of plain numbers: with SI those of all tables, otherwise only of {others}."
     schema["properties"]["units"] = {"enum": ["nondimensional", "SI"], "description": said, "type": "string"}
 
 
@@ -83,6 +86,8 @@ class Scenario(Table):
     disturbance: Disturbance = Disturbance()
     rate: Rate = Rate()
     device: Device = Device()
+    electrodes: Electrodes = Electrodes()
+    electronics: Electronics = Electronics()
     run: Run = Run()
 
     def __init__(self, **tables: Any) -> None:
@@ -298,7 +303,8 @@ class Scenario(Table):
         0.1
         """
         si = self.run.units == "SI"
-        return constraints(self.plant, self.rate, self.device, self.controller.force_limit, si)
+        drives = min(drive(self)[0])
+        return constraints(self.plant, self.rate, self.device, self.controller.force_limit, drives, si)
 
     def differences(self, other: Scenario) -> dict[str, tuple[Any, Any]]:
         """Fields whose values differ, by dotted name, with both values; None: not set, or no field of that kind.

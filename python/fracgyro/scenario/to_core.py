@@ -14,12 +14,13 @@ import numpy as np
 from .. import _core
 from ..fractional.kernel import core_kernel
 from .device_core import device_values, is_ideal, profiles, rate_values
-from .kinds import DEVICE_NUMBERS, KINDS, OF_FILTER, PLANT_KINDS, core_values, numbers, plant_numbers
+from .kinds import DEVICE_NUMBERS, KINDS, OF_FILTER, PLANT_KINDS, core_values, numbers, plant_numbers, told_types
 from .motion import Reference
 from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
 from .table import MAX_STEPS
 from .terms import MAX_DEVIATIONS, first_part, largest_force, term_list, white_noise
+from .volts_core import electrode_numbers, electronics_numbers, has_volts, lag, plant_at_bias
 
 MAX_DELAY = 8  # steps that a controller takes into account
 MAX_SAMPLES = 100_000  # at which a reference is looked at
@@ -68,7 +69,7 @@ def _nominal(scenario: Scenario) -> dict[str, Any]:
     """The plant as the controller knows it at first. With known parameters, eqs (20) and (34), the true one."""
     c, a = scenario.controller, scenario.adaptation
     adaptive = getattr(c, "adaptive", True)
-    damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+    damping, stiffness, rate, _, _ = plant_at_bias(scenario).nondimensional()
     ratio = a.initial_ratio if adaptive else 1.0
     return {
         "initial_damping": ratio * damping,
@@ -86,6 +87,7 @@ def guard(scenario: Scenario, found: Derived | None = None) -> Guard:
 
     def sensed(quantity: str) -> float:
         noise, flicker = device[f"{quantity}_noise"], flickered * device[f"{quantity}_flicker"]
+        noise = max(noise, *device["amplifier_noise"]) if quantity == "position" else noise
         return MIN_TOLERANCE + MAX_DEVIATIONS * math.hypot(noise, flicker) + _resolution(device, quantity)
 
     values = {
@@ -116,14 +118,27 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     def rounded(noise: float, quantity: str) -> float:
         return math.hypot(noise, _resolution(device, quantity) / math.sqrt(12))
 
+    converted = 0.0 if _told(scenario) else max(device["drive_step"]) / math.sqrt(12)
+    amplified = math.hypot(*device["amplifier_noise"]) / math.sqrt(2)
     values = {
-        "force_noise": rounded(white_noise(scenario), "actuator"),
-        "position_noise": rounded(device["position_noise"], "position"),
+        "force_noise": rounded(math.hypot(white_noise(scenario), converted), "actuator"),
+        "position_noise": rounded(math.hypot(device["position_noise"], amplified), "position"),
         "velocity_noise": rounded(device["velocity_noise"], "velocity"),
         "delay": min(device["delay"], MAX_DELAY),
+        "lag": lag(scenario) / scenario.plant.scales.time,
         **_drifts(scenario),
     }
     return assumed.model_copy(update={name: value for name, value in values.items() if getattr(assumed, name) is None})
+
+
+def _told(scenario: Scenario) -> bool:
+    """True if the controller, or the filter before it, takes the force that the code of a converter means."""
+    c = scenario.controller
+    types, place = told_types(c.kind), 0
+    if len(types) > 1 and c.adaptive:
+        kinds = next(number.choices for number in numbers(c.kind) if number.path == "adaptation.kind")
+        place = kinds.index(scenario.adaptation.kind)
+    return types[place] or bool(c.filter == "kalman")
 
 
 def _drifts(scenario: Scenario) -> dict[str, float]:
@@ -174,7 +189,7 @@ def equivalent_sine(scenario: Scenario) -> tuple[Pair, Pair]:
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
     """The lower and the higher resonance frequency."""
-    xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
+    xx, xy, yy = (float(entry) for entry in plant_at_bias(scenario).nondimensional()[1])
     mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
     least, most = sys.float_info.min, sys.float_info.max  # after rounding, still a frequency
     return math.sqrt(max(mean - half, least)), math.sqrt(min(max(mean + half, least), most))
@@ -182,7 +197,7 @@ def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
 
 def _plant_tolerance(scenario: Scenario) -> float:
     """Twice the deviation that the scenario states, at least a tenth."""
-    plant, device = scenario.plant, scenario.device
+    plant, device = plant_at_bias(scenario), scenario.device
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
     warmest = max(abs(change) for _, change in device.temperature(scenario.run.duration * plant.scales.time))
@@ -195,10 +210,11 @@ def _plant_tolerance(scenario: Scenario) -> float:
 def _force_tolerance(scenario: Scenario, found: Derived) -> float:
     """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
     device, limit = found.device, scenario.controller.force_limit
-    reach = float(device["actuator_limit"])
+    reach = float(min(device["actuator_limit"], *device["drive_limit"]))
     clipped = limit - reach if limit > reach else 0.0
-    late = 2 * limit if device["delay"] else 0.0
-    return min(1e9, MIN_TOLERANCE + largest_force(scenario) + _resolution(device, "actuator") + clipped + late)
+    late = 2 * limit if device["delay"] or scenario.electronics.update_delay else 0.0
+    converter = _resolution(device, "actuator") + max(device["drive_step"])
+    return min(1e9, MIN_TOLERANCE + largest_force(scenario) + converter + clipped + late)
 
 
 def _resolution(device: Mapping[str, Any], quantity: str) -> float:
@@ -211,7 +227,7 @@ def _resolution(device: Mapping[str, Any], quantity: str) -> float:
 def _plant(scenario: Scenario) -> dict[str, Any]:
     """Numbers of eqs (9) and (13)."""
     names = ("damping", "stiffness", "angular_rate", "damping_deviation", "stiffness_deviation")
-    return dict(zip(names, scenario.plant.nondimensional(), strict=True))
+    return dict(zip(names, plant_at_bias(scenario).nondimensional(), strict=True))
 
 
 def own_plant_numbers(scenario: Scenario) -> dict[str, float]:
@@ -279,6 +295,7 @@ class Parts(NamedTuple):
     sensing: list[float]
     device: tuple[list[float], Any, Any, int] | None
     plant: tuple[int, list[float]] | None
+    volts: tuple[list[float], list[list[float]], tuple[float, float, float]] | None
 
     def setup(self) -> _core.DeviceSetup:
         made = _core.DeviceSetup(self.kind, list(self.numbers.values()))
@@ -293,6 +310,8 @@ class Parts(NamedTuple):
             made.set_device(*self.device)
         if self.plant is not None:
             made.set_plant(*self.plant)
+        if self.volts is not None:
+            made.set_volts(*self.volts)
         return made
 
 
@@ -302,6 +321,10 @@ def parts(scenario: Scenario) -> Parts:
     device = None
     if not is_ideal(scenario):
         device = list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed
+    volts, scales = None, scenario.plant.scales
+    if has_volts(scenario):
+        each = [electrode_numbers(one) for one in scenario.electrodes.each]
+        volts = electronics_numbers(scenario.electronics), each, (scales.mass, scales.length, scales.rate)
     return Parts(
         KINDS.index(scenario.controller.kind),
         core_numbers(scenario, values),
@@ -312,6 +335,7 @@ def parts(scenario: Scenario) -> Parts:
         _sensing(scenario, values),
         device,
         (place, list(own_plant_numbers(scenario).values())) if place else None,
+        volts,
     )
 
 

@@ -12,16 +12,16 @@ from decimal import Context, Decimal
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-BASE = ("kg", "m", "s", "K", "rad", "cycle")
+BASE = ("kg", "m", "s", "K", "A", "rad", "cycle")
 PI = Decimal("3.14159265358979323846264338327950288419716939937511")
 EXACT = Context(prec=40, traps=[])
 MAX_LENGTH = 100  # characters of a unit
 NUMBER = re.compile(r" *([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?: +|(?![\d.]|[eE][+-]?\d))(\S.*?) *", re.ASCII)
 TOKEN = re.compile(r"\s*([A-Za-z%][A-Za-z0-9]*|\d+(?:\.\d+)?|\*\*|\S)\s*", re.ASCII)
-SIGNS = {"°C": "degC", "°": "deg", "\u00b5": "u", "\u03bc": "u", "·": "*", "⋅": "*"}
+SIGNS = {"°C": "degC", "°": "deg", "\u00b5": "u", "\u03bc": "u", "·": "*", "⋅": "*", "Ω": "ohm"}
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9, "T": 12, "P": 15}
-PREFIXED = ("m", "g", "s", "N", "Hz", "K", "rad", "deg", "dps")
+PREFIXED = ("m", "g", "s", "N", "Hz", "K", "A", "V", "F", "W", "ohm", "rad", "deg", "dps")
 # cycle is only for Hz, which is 2 pi rad/s where radians are counted, and 1/s elsewhere.
 DEFINED = {
     "g": (Decimal("1e-3"), "kg"),
@@ -30,6 +30,10 @@ DEFINED = {
     "N": (Decimal(1), "kg m/s^2"),
     "Hz": (Decimal(1), "cycle/s"),
     "degC": (Decimal(1), "K"),
+    "V": (Decimal(1), "kg m^2/(A s^3)"),
+    "F": (Decimal(1), "A^2 s^4/(kg m^2)"),
+    "W": (Decimal(1), "kg m^2/s^3"),
+    "ohm": (Decimal(1), "kg m^2/(A^2 s^3)"),
     "deg": (PI / 180, "rad"),
     "arcmin": (PI / 10800, "rad"),
     "arcsec": (PI / 648000, "rad"),
@@ -180,14 +184,14 @@ def parse_with(text: str, lookup: Callable[[str], Unit | None], symbols: Mapping
 
 def ratio(given: Unit, wanted: Unit) -> Decimal | None:
     """The value of `given` in units of `wanted`; None if they measure different quantities."""
-    if given.powers[:4] != wanted.powers[:4]:
+    if given.powers[:5] != wanted.powers[:5]:
         return None
     factor = EXACT.divide(given.factor, wanted.factor)
-    (radians, cycles), (wanted_radians, wanted_cycles) = given.powers[4:], wanted.powers[4:]
+    (radians, cycles), (wanted_radians, wanted_cycles) = given.powers[5:], wanted.powers[5:]
     if radians + cycles == wanted_radians + wanted_cycles:
         return EXACT.multiply(factor, EXACT.power(2 * PI, Decimal(repr(cycles - wanted_cycles))))
     # Radians may be left out, and 1/Hz is 1 s; m Hz is refused as a velocity, and rad as a ratio.
-    return factor if any(given.powers[:4]) and cycles <= max(wanted_cycles, 0) else None
+    return factor if any(given.powers[:5]) and cycles <= max(wanted_cycles, 0) else None
 
 
 # Quantity, its unit, and examples.
@@ -204,6 +208,9 @@ KINDS = (
     ("a stiffness", "N/m", '"64 N/m"'),
     ("a damping", "N s/m", '"1.8 uN s/m"'),
     ("a temperature", "K", '"1 K"'),
+    ("a voltage", "V", '"5 V" or "20 mV"'),
+    ("a capacitance", "F", '"1 pF"'),
+    ("a resistance", "ohm", '"10 Mohm"'),
     ("a ratio", "1", '"5 %" or "300 ppm"'),
 )
 
@@ -281,7 +288,7 @@ def printed(value: float, wanted: Unit, si: str) -> Quantity:
 
 def _with_prefix(value: Decimal, si: str) -> str:
     """The SI unit with a prefix for its first name, such that 1 to 1000 of them are the value."""
-    first = re.match(r"kg$|(m|s|N|Hz)(?=$|[ /])", si)
+    first = re.match(r"kg$|(m|s|N|Hz|V|A|F|ohm)(?=$|[ /])", si)
     if not first or not value:
         return si
     name, rest = first[0].replace("kg", "g"), si[first.end() :]

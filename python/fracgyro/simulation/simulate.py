@@ -24,7 +24,9 @@ MAX_RECORD = 2 * 10**9  # bytes; the same on every machine
 
 
 class DivergedError(ValueError):
-    """The motion diverged. `run` is the Dataset up to that time.
+    """The motion diverged, or the mass touched an electrode. `run` is the Dataset up to that time.
+
+    `electrode` is the place of the touched one in [[electrodes]], otherwise None.
 
     >>> try:
     ...     run = fg.simulate(fg.Scenario.paper().replace({"run.step": 0.05, "disturbance.hold": 0.05}))
@@ -34,7 +36,7 @@ class DivergedError(ValueError):
     True
     """
 
-    def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
+    def __init__(self, scenario: Scenario, time: float, run: xr.Dataset, electrode: int | None = None) -> None:
         si, scale = run.attrs["units"] == "SI", time_scale(scenario)
         step, half = scenario.run.step, f'"{scenario.run.step / 2 * scale:g} s"' if si else f"{scenario.run.step / 2:g}"
 
@@ -62,8 +64,15 @@ class DivergedError(ValueError):
                 f"was {gain:.3g}, and from about 2 on the sampled loop is unstable; "
                 "controller.switching_limit = 0.5 bounds them"
             )
-        super().__init__(f"the run diverged at t = {at(time)}: {why}")
-        self.run = run
+        said = f"the run diverged at t = {at(time)}: {why}"
+        if electrode is not None:
+            role = scenario.electrodes.each[electrode].role
+            said = (
+                f"the mass touched electrodes[{electrode}], of role {role}, at t = {at(time)}: it was pulled in; lower "
+                "a bias, the force or the amplitude, or widen the gap"
+            )
+        super().__init__(said)
+        self.run, self.electrode = run, electrode
 
 
 def simulate(
@@ -122,7 +131,8 @@ def simulate(
     diverged = samples <= scenario.run.steps
     run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, user, plant=own)
     if diverged:
-        raise DivergedError(scenario, samples * scenario.run.step, run)
+        touched = setup.touched
+        raise DivergedError(scenario, samples * scenario.run.step, run, touched - 1 if touched else None)
     return run
 
 

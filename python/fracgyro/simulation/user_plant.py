@@ -12,6 +12,7 @@ from .. import _core
 from ..arguments import number, short
 from ..scenario import Scenario, ScenarioError
 from ..scenario.plants import conflict
+from ..scenario.volts_core import has_volts
 from . import native
 from .user_controller import described, raise_own, units
 
@@ -70,6 +71,8 @@ class UserPlant:
         """Puts the plant into a run. Raises ScenarioError if the scenario's rate or device needs the gyroscope."""
         if found := conflict(scenario.plant, scenario.rate, scenario.device, self.takes_rate, "a user's plant"):
             raise ScenarioError(found)
+        if has_volts(scenario):
+            raise ScenarioError("electrodes or electronics are given: a user's plant, which takes forces, has none")
         core = self._core()
         setup.set_user_plant(core, units(scenario))
         self._running.append(core)

@@ -46,6 +46,8 @@ def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
     found = _of_model(model)
     if kind == "scenario":
         found["properties"]["disturbance"] = _or_list(found["definitions"], "Disturbance", "AddedEntry")
+        electrodes = found["definitions"].pop("Electrodes")["properties"]["each"]
+        found["properties"]["electrodes"] = electrodes
     else:
         found["definitions"] |= _of_model(Scenario)["definitions"] | {"Range": _of_model(Range)}
         del found["definitions"]["Range"]["$schema"]

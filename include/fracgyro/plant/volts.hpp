@@ -1,0 +1,283 @@
+// A device in volts: electrodes, driver, pick-offs and amplifiers around the gyroscope.
+//
+//    driver      the controller's force u becomes v = Q(u/G) volts, in steps of a converter within its range, with the
+//                G that a designer knows
+//    electrodes  make the force: its linear part acts as u does, the rest as kicks (kicked_gyroscope.hpp)
+//    pick-offs   read p(q), amplifiers and sampling follow (readout.hpp)
+//
+// `plant` of a run has the springs at bias: K less the softening of the electrodes.
+#pragma once
+
+#include "fracgyro/plant/electronics.hpp"
+#include "fracgyro/plant/imperfections.hpp"
+
+namespace fracgyro {
+
+struct VoltsParams {
+    ElectronicsParams electronics{};
+    std::vector<ElectrodeParams> electrodes{};
+    double mass = 1.0, length = 1.0, rate = 1.0;  // units, in SI
+    bool present = false;
+
+    ElectrodeScales scales() const { return {.force = mass * rate * rate * length, .length = length}; }
+};
+
+// Electrodes about the mass at rest and at bias. Nondimensional but for volts and charges.
+struct AtBias {
+    Sym2<double> softening{};             // true
+    Sym2<double> gain{}, true_gain{};     // force per volt, as designed and true
+    Sym2<double> charge{};                // C/m that a pick-off gives, as designed
+    Vec2<double> capacitance{}, noise{};  // pick-offs, F; position, m/√Hz
+    bool drives = false, reads = false;
+};
+
+inline Sym2<double> outer(const Vec2<double>& n, double weight) {
+    return {weight * n.x() * n.x(), weight * n.x() * n.y(), weight * n.y() * n.y()};
+}
+inline Sym2<double> inverse(const Sym2<double>& a) {
+    const double per = 1.0 / (a.xx() * a.yy() - a.xy() * a.xy());
+    return {per * a.yy(), -(per * a.xy()), per * a.xx()};
+}
+
+// A carrier's voltage is on a pick-off together with its bias.
+inline double pickoff_voltage(const ElectronicsParams& e, const ElectrodeParams& p) {
+    return e.carrier_frequency > 0.0 ? e.carrier_voltage : absolute(p.bias);
+}
+inline double acting_bias(const ElectronicsParams& e, const ElectrodeParams& p) {
+    const bool modulated = p.role == ElectrodeRole::pickoff && e.carrier_frequency > 0.0;
+    return modulated ? square_root(p.bias * p.bias + e.carrier_voltage * e.carrier_voltage) : p.bias;
+}
+
+// `stiffness`: of the plant at bias, for the resonance at which a biased amplifier is read.
+inline AtBias at_bias(const VoltsParams& p, const Vec2<double>& stiffness = {1.0, 1.0}) {
+    AtBias found;
+    for (const ElectrodeParams& each : p.electrodes) {
+        Electrode truth(each, p.scales(), false);
+        const Electrode known(each, p.scales(), true);
+        truth.set_bias(acting_bias(p.electronics, each));
+        found.softening = found.softening + truth.softening();
+        if (each.role == ElectrodeRole::force) {
+            found.drives = true;
+            found.gain = found.gain + outer(known.direction(), known.gain());
+            found.true_gain = found.true_gain + outer(truth.direction(), truth.gain());
+        } else if (each.role == ElectrodeRole::pickoff) {
+            found.reads = true;
+            const double slope = pickoff_voltage(p.electronics, each) * known.slope(each.gap);
+            found.charge = found.charge + outer(known.direction(), slope);
+            const Vec2<double> n = known.direction();
+            found.capacitance = found.capacitance + known.capacitance() * (n * n);
+        }
+    }
+    if (found.reads && p.electronics.amplifier != AmplifierKind::ideal) {
+        const Vec2<double> c = found.charge.diagonal, of = found.capacitance;
+        const double omega = p.rate;
+        found.noise = {position_noise_density(p.electronics, c.x(), of.x(), omega * square_root(stiffness.x())),
+                       position_noise_density(p.electronics, c.y(), of.y(), omega * square_root(stiffness.y()))};
+    }
+    return found;
+}
+
+// White noise of a device in volts: that of the amplifiers takes the place of the position's, with a deviation for each
+// axis.
+class VoltsNoise {
+public:
+    VoltsNoise(const VoltsParams& p, const GyroscopeParams& plant, std::uint64_t seed, double step) : on_(p.present) {
+        if (on_) {
+            const Vec2<double> density = at_bias(p, plant.stiffness.diagonal).noise;
+            deviation_ = (square_root(0.5 * p.rate / step) / p.length) * density;
+            const bool noisy = density.x() > 0.0 || density.y() > 0.0;
+            amplifier_ = Disturbance(white(noisy ? 1.0 : 0.0, seed, 1), step);
+            jitter_ = Disturbance(white(p.electronics.jitter * p.rate, seed, 7), step);
+        }
+    }
+    bool on() const { return on_; }
+    Vec2<double> amplifier(std::int64_t n) { return deviation_ * amplifier_(n); }
+    Vec2<double> jitter(std::int64_t n) { return jitter_(n); }
+
+private:
+    static DisturbanceParams white(double standard_deviation, std::uint64_t seed, std::uint32_t stream) {
+        return {.kind = standard_deviation > 0.0 ? DisturbanceKind::noise : DisturbanceKind::none,
+                .standard_deviation = standard_deviation,
+                .seed = seed,
+                .stream = stream};
+    }
+
+    bool on_;
+    Vec2<double> deviation_{};
+    Disturbance amplifier_{{}, 1.0}, jitter_{{}, 1.0};
+};
+
+struct Volts {
+    struct Coefficients {
+        std::vector<Electrode> electrodes{}, pickoffs{};
+        std::vector<Vec2<double>> weights{};  // reading of each pick-off times this is its part of p(q)
+        std::array<double, 2> per_gap{};      // X per length at the force electrode of each axis
+        Sym2<double> volts_per_force{}, force_per_volt{}, known_gain{}, softening{};
+        Vec2<double> resting{};  // force at q = 0 and at bias, which is held
+        std::array<Quantizer, 2> converters{};
+        Readout::Coefficients readout{};
+        double half = 0.0, late = 0.0;  // half a step; delay of an update
+        bool on = false, drives = false, acts = false, reads = false, linearized = false;
+        bool converts = false;  // the acting force differs from the request, and is known
+    };
+    struct State {
+        Readout::State readout{};
+        Vec2<double> volts{}, volts_before{}, bent{};  // in this step, in the one before; p(q) - q
+        Vec2<double> code{};                           // the force that the last code is meant to be
+        std::int64_t touched = 0;                      // 1 + place of the electrode that the mass touches
+    };
+
+    static Coefficients prepare(const VoltsParams& p, const GyroscopeParams& plant, double step) {
+        Coefficients c;
+        c.on = p.present;
+        if (!c.on) {
+            return c;
+        }
+        const AtBias at = at_bias(p);
+        c.half = 0.5 * step;
+        c.late = p.electronics.update_delay * p.rate;
+        c.drives = at.drives;
+        c.reads = at.reads;
+        c.linearized = p.electronics.linearized;
+        c.softening = at.softening;
+        if (c.drives) {
+            c.volts_per_force = inverse(at.gain);
+            c.known_gain = at.gain;
+            c.force_per_volt = at.true_gain;
+        }
+        const Vec2<double> known = at.charge.diagonal;
+        for (const ElectrodeParams& each : p.electrodes) {
+            c.electrodes.emplace_back(each, p.scales(), false);
+            Electrode& made = c.electrodes.back();
+            made.set_bias(acting_bias(p.electronics, each));
+            c.acts = c.acts || made.bias() != 0.0 || each.role == ElectrodeRole::force;
+            const Vec2<double> n = made.direction();
+            if (each.role == ElectrodeRole::pickoff) {
+                const double charge = pickoff_voltage(p.electronics, each) * made.slope(each.gap);
+                c.pickoffs.push_back(made);
+                c.weights.push_back(at.charge.xy() == 0.0 ? shares(known, charge * n)
+                                                          : inverse(at.charge) * (charge * n));
+            } else if (each.role == ElectrodeRole::force) {
+                for (std::size_t axis = 0; axis < 2; ++axis) {
+                    if ((axis == 0 ? n.x() : n.y()) != 0.0) {
+                        c.converters[axis] = {.range = {each.range, each.range}, .bits = each.bits};
+                        c.converts = c.converts || c.converters[axis].on();
+                        c.per_gap[axis] = each.kind == ElectrodeKind::plate && each.pair ? made.per_length() : 0.0;
+                    }
+                }
+            }
+        }
+        for (const Electrode& each : c.electrodes) {
+            c.resting = c.resting + each.force({}, {});
+        }
+        c.readout = Readout::prepare(readout_of(p, at), plant, step);
+        return c;
+    }
+
+    static State start(const Coefficients& c, const Motion<double>& at) {
+        State state;
+        if (c.on) {
+            state.bent = bend(c, at.position);
+            state.readout = Readout::start(c.readout, at, state.bent);
+        }
+        return state;
+    }
+
+    // The force that acts linearly for the force asked for, which sets the voltages. `measured`: the position known.
+    static Vec2<double> drive(State& state, const Coefficients& c, const Vec2<double>& asked,
+                              const Vec2<double>& measured) {
+        state.volts_before = state.volts;
+        state.volts = volts(c, asked, grown(c, measured));
+        return c.force_per_volt * state.volts;
+    }
+    // The force that a designer knows the code for this force to mean.
+    static Vec2<double> meant(const Coefficients& c, const Vec2<double>& asked, const Vec2<double>& measured) {
+        const Vec2<double> more = grown(c, measured);
+        return c.known_gain * (more * volts(c, asked, more));
+    }
+
+    // Force of the electrodes beyond `resting` and their linear part.
+    static Vec2<double> rest(const Coefficients& c, const Vec2<double>& q, const Vec2<double>& volts) {
+        Vec2<double> force{};
+        for (const Electrode& each : c.electrodes) {
+            force = force + each.force(q, volts);
+        }
+        return force - (c.resting + (c.softening * q + c.force_per_volt * volts));
+    }
+
+    // After the step of the mass from `from`, with a kick, to `to`.
+    static void finish(State& state, const Coefficients& c, const Motion<double>& from, Motion<double>& to,
+                       const Vec2<double>& force, const Vec2<double>& disturbance) {
+        for (std::size_t place = 0; place < c.electrodes.size(); ++place) {
+            if (state.touched == 0 && c.electrodes[place].touches(to.position)) {
+                state.touched = static_cast<std::int64_t>(place) + 1;
+                constexpr double beyond = std::numeric_limits<double>::infinity();
+                to.position = {beyond, beyond};  // ends the run
+                return;
+            }
+        }
+        const Vec2<double> bends = bend(c, to.position);
+        if (c.readout.on) {
+            Readout::step(state.readout, c.readout, from, to, force, disturbance, state.bent, bends);
+        } else {
+            state.readout.reading = to.position + bends;
+        }
+        state.bent = bends;
+    }
+
+private:
+    static Vec2<double> volts(const Coefficients& c, const Vec2<double>& asked, const Vec2<double>& grown) {
+        const Vec2<double> wanted = c.volts_per_force * asked;
+        const Vec2<double> v{wanted.x() / grown.x(), wanted.y() / grown.y()};
+        return {c.converters[0](v).x(), c.converters[1](v).y()};
+    }
+    // Force per volt of each axis at the measured position over that at rest, if the driver knows.
+    static Vec2<double> grown(const Coefficients& c, const Vec2<double>& measured) {
+        if (!c.linearized) {
+            return {1.0, 1.0};
+        }
+        return {growth(c.per_gap[0] * measured.x()), growth(c.per_gap[1] * measured.y())};
+    }
+    // p(q) - q
+    static Vec2<double> bend(const Coefficients& c, const Vec2<double>& q) {
+        if (!c.reads) {
+            return {};
+        }
+        Vec2<double> read{};
+        for (std::size_t place = 0; place < c.pickoffs.size(); ++place) {
+            read = read + c.pickoffs[place].reading(q) * c.weights[place];
+        }
+        return read - q;
+    }
+    static Vec2<double> shares(const Vec2<double>& known, const Vec2<double>& charge) {
+        return {known.x() > 0.0 ? charge.x() / known.x() : 0.0, known.y() > 0.0 ? charge.y() / known.y() : 0.0};
+    }
+    // Force per volt of a pair of plates at X over that at rest.
+    static double growth(double x) {
+        const double square = x * x, d = 1.0 / (1.0 - square);
+        return (1.0 + square) * (d * d);
+    }
+    static ReadoutParams readout_of(const VoltsParams& p, const AtBias& at) {
+        constexpr double turn = 6.28318530717958647693;
+        const ElectronicsParams& e = p.electronics;
+        ReadoutParams made{.pole = (turn / p.rate) * e.pole,
+                           .sample_delay = e.sample_delay * p.rate,
+                           .update_delay = e.update_delay * p.rate,
+                           .aperture = e.aperture * p.rate};
+        if (e.amplifier == AmplifierKind::charge && e.feedback_capacitance > 0.0) {
+            const double corner = 1.0 / (e.feedback_resistance * e.feedback_capacitance * p.rate);
+            made.high_pass = {corner, corner};
+        }
+        if (at.drives && at.reads) {
+            const Vec2<double> charge = p.length * at.charge.diagonal;
+            const Sym2<double> volts = inverse(at.true_gain);
+            const auto& f = e.feedthrough;
+            const Vec2<double> to_x = volts * Vec2<double>{f[0], f[1]}, to_y = volts * Vec2<double>{f[2], f[3]};
+            made.feedthrough = {.first = {to_x.x() / charge.x(), to_y.x() / charge.y()},
+                                .second = {to_x.y() / charge.x(), to_y.y() / charge.y()}};
+        }
+        return made;
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,338 @@
+"""A device in volts: its tables, what controllers know of it, and runs against an integration written out again."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from fracgyro.export.fmu import fmu
+from fracgyro.export.settings import without_plant
+from fracgyro.scenario import ScenarioError
+from fracgyro.scenario.device_core import device_values, sensor_variance
+from fracgyro.scenario.to_core import core_numbers, datasheet
+from fracgyro.scenario.volts_core import at_bias, plant_at_bias
+from scipy.integrate import solve_ivp
+
+EPSILON = 8.8541878128e-12
+BOLTZMANN = 1.380649e-23
+
+
+def plates(role: str, angle: float, **fields: Any) -> dict[str, Any]:
+    return {"role": role, "angle": angle, "count": 150, "gap": 4e-6, "area": 1.2e-8, "bias": 2.0, **fields}
+
+
+def combs(role: str, angle: float, **fields: Any) -> dict[str, Any]:
+    own = {"kind": "comb", "count": 200, "gap": 2e-6, "overlap": 2e-5, "thickness": 6e-5, "bias": 5.0}
+    return {"role": role, "angle": angle, **own, **fields}
+
+
+def both(make: Any, role: str, **fields: Any) -> list[dict[str, Any]]:
+    return [make(role, angle, **fields) for angle in (0.0, math.pi / 2)]
+
+
+QUIET = {"device.position_noise_density": 0.0, "disturbance": {"kind": "none"}, "run.duration": 20.0}
+DUAL = fg.Scenario.shipped("dual_mass").replace(QUIET)
+VOLTS = [*both(combs, "force"), *both(combs, "pickoff")]
+CHARGE = {
+    "electronics.amplifier": "charge",
+    "electronics.feedback_resistance": 1e7,
+    "electronics.input_capacitance": 4e-12,
+    "electronics.voltage_noise": 5e-9,
+}
+
+
+def in_volts(changes: dict[str, Any] | None = None, electrodes: list[dict[str, Any]] | None = None) -> fg.Scenario:
+    return DUAL.replace({"electrodes": VOLTS if electrodes is None else electrodes, **(changes or {})})
+
+
+# -- The tables -------------------------------------------------------------------------------------------------------
+
+
+def test_tables_in_volts_come_back_from_their_text_with_units() -> None:
+    text = """
+[[electrodes]]
+role = "force"
+kind = "comb"
+bias = "5 V"
+gap = "2 um"
+
+[[electrodes]]
+role = "force"
+angle = "90 deg"
+bias = 5.0
+range = "10 V"
+bits = 16
+
+[electronics]
+pole = ["1 MHz", 2e6]
+sample_delay = "1 ns"
+"""
+    made = fg.Scenario.from_toml(f'device.sensing = "position"\n{text}')
+    first, second = made.electrodes.each
+    assert (first.kind, first.bias, first.gap, second.range) == ("comb", 5.0, 2e-6, 10.0)
+    assert second.angle == math.pi / 2
+    assert made.electronics.pole == (1e6, 2e6)
+    assert made.electronics.sample_delay == 1e-9
+    again = fg.Scenario.from_toml(made.to_toml())
+    assert again == made
+    assert again.to_toml() == made.to_toml()
+    assert 'bias = "5 V"' in made.to_toml()
+    assert fg.Scenario.from_toml(made.in_si().to_toml()) == made
+    assert fg.Scenario().replace(made.changes()) == made
+
+
+REFUSED: list[tuple[str, dict[str, Any], str]] = [
+    ("offset", {"electrodes": [plates("tuning", 0.0, offset=4e-6)]}, "electrodes[0].offset is 4e-06: its magnitude"),
+    ("kind", {"electrodes": [combs("quadrature", 0.0)]}, 'electrodes[0].kind is "comb": it must be skewed'),
+    ("nulling", {"electrodes": [plates("tuning", 0.0, nulling=1.0)]}, "electrodes[0].nulling is 1.0: it must be 0.0"),
+    ("bits", {"electrodes": both(combs, "force", bits=12)}, "electrodes[0].bits is 12 and electrodes[0].range is inf"),
+    ("bias", {"electrodes": both(combs, "force", bias=0.0)}, "electrodes[0].bias is 0.0: it must not be"),
+    ("axes", {"electrodes": [combs("force", 0.0)]}, "electrodes of role force have one direction"),
+    ("field", {"electrodes": [{"gab": 1e-6}]}, "electrodes[0].gab is not a known field; did you mean"),
+    ("number", {"electrodes": [{"gap": -1e-6}]}, "electrodes[0].gap is -1e-06: it must be greater than 0"),
+    ("many", {"electrodes": [{}] * 13}, "it must be a list of at most 12 tables"),
+    ("noise", {"electronics.voltage_noise": 5e-9}, "electronics.voltage_noise is 5e-09: it needs"),
+    ("carrier", {"electronics.carrier_voltage": 1.0}, "a carrier must have both"),
+    ("late", {"electronics.sample_delay": 1e-5}, "electronics.sample_delay is 1e-05: sample_delay plus aperture"),
+    ("held", {"electronics.update_delay": 1e-5}, "electronics.update_delay is 1e-05: it must be less than a step"),
+    ("apart", {"electronics.feedthrough": [0.0, 1e-15, 0.0, 0.0]}, "it needs electrodes of role force and of role"),
+    ("amplifier", {"electronics.amplifier": "charge"}, "must be ideal without electrodes of role pickoff"),
+    ("linear", {"electronics.linearized": True}, "it needs pairs of plates of role force"),
+    ("sensing", {"electronics.pole": 1e6, "device.sensing": "full"}, 'device.sensing is "full": it must be position'),
+    ("plant", {"electronics.pole": 1e6, "plant.kind": "duffing"}, 'plant.kind is "duffing": it must be gyroscope'),
+    ("soft", {"electrodes": [plates("tuning", 0.0, bias=60.0)]}, "electrodes soften plant.stiffness to a smallest"),
+    ("pickoff", {"electrodes": both(combs, "pickoff", bias=0.0)}, "electrodes[0].bias is 0.0: a pick-off must have"),
+    (
+        "density",
+        {"electrodes": VOLTS, **CHARGE, "device.position_noise_density": 1e-13},
+        "device.position_noise_density is 1e-13: it must be 0.0 with electronics.amplifier charge",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "said"), [case[1:] for case in REFUSED], ids=[case[0] for case in REFUSED])
+def test_what_cannot_be_is_refused_in_one_sentence(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        DUAL.replace(changes)
+    assert said in str(refused.value)
+
+
+# -- Knowledge of controllers ------------------------------------------------------------------------------------------
+
+
+def test_estimates_start_from_the_stiffness_at_bias() -> None:
+    made = in_volts(electrodes=[plates("tuning", math.pi / 2, bias=7.2541)])
+    softer = 2 * EPSILON * 150 * 1.2e-8 * 7.2541**2 / (4e-6) ** 3
+    assert at_bias(made).softening == pytest.approx([0.0, 0.0, softer], abs=1e-9 * softer)
+    assert plant_at_bias(made).stiffness.yy == pytest.approx(made.plant.stiffness.yy - softer)
+    known = core_numbers(made)["adaptation.initial_stiffness.yy"]
+    ratio, scale = made.adaptation.initial_ratio, made.plant.scales.stiffness
+    assert known == pytest.approx(ratio * (made.plant.stiffness.yy - softer) / scale, rel=1e-12)
+
+
+def test_what_is_told_is_the_nominal_device() -> None:
+    plain, odd = at_bias(in_volts()), in_volts(electrodes=[{**one, "fringe": 1.2, "offset": 1e-7} for one in VOLTS])
+    np.testing.assert_array_equal(at_bias(odd).gain, plain.gain)
+    np.testing.assert_array_equal(at_bias(odd).charge, plain.charge)
+    assert plain.gain[0] == pytest.approx(4 * 200 * EPSILON * 6e-5 * 5.0 / 2e-6)
+
+
+def test_noise_of_the_amplifiers_and_steps_of_the_driver_are_told() -> None:
+    made = in_volts(CHARGE, [*both(combs, "force", range=10.0, bits=12), *both(combs, "pickoff")])
+    slope, comb = 4 * 200 * EPSILON * 6e-5 / 2e-6, 4 * 200 * EPSILON * 6e-5 * 2e-5 / 2e-6
+    omega = math.sqrt(at_bias_stiffness(made) / made.plant.mass)
+    wanted = math.hypot(5e-9 * (comb + 4e-12), math.sqrt(4 * BOLTZMANN * 300 / 1e7) / omega) / (5.0 * slope)
+    assert at_bias(made).noise[0] == pytest.approx(wanted, rel=1e-12)
+    step = made.run.step * made.plant.scales.time
+    deviations = np.sqrt(sensor_variance(device_values(made), "position")) * made.plant.scales.length
+    assert deviations[0] == pytest.approx(wanted * math.sqrt(0.5 / step), rel=1e-12)
+    told = datasheet(made)
+    assert told.position_noise == pytest.approx(math.sqrt(np.mean(deviations**2)) / made.plant.scales.length)
+    code = float(at_bias(made).gain[0]) * 20.0 / 2**12 / made.plant.scales.force
+    assert told.force_noise == pytest.approx(code / math.sqrt(12))
+
+
+def at_bias_stiffness(made: fg.Scenario) -> float:
+    return float(plant_at_bias(made).stiffness.xx)
+
+
+# -- Runs -------------------------------------------------------------------------------------------------------------
+
+
+class Given:
+    """Forces of a fixed course, nondimensional."""
+
+    def __call__(self, sample: Any) -> tuple[float, float]:
+        return force_at(sample.time)
+
+
+def force_at(time: float) -> tuple[float, float]:
+    return 1e-3 * math.sin(1.7 * time), -8e-4 * math.cos(0.6 * time)
+
+
+def force_of(one: Any, q: np.ndarray, volts: np.ndarray) -> np.ndarray:
+    """N at q in m: half of V^2 dC/dq of every part."""
+    n = np.array([math.cos(one.angle), math.sin(one.angle)])
+    across = np.array([-n[1], n[0]])
+    v = float(n @ volts) if one.role == "force" else 0.0
+    x, y = float(n @ q) + one.offset, float(across @ q)
+    f = 0.5 * EPSILON * one.fringe * one.count
+    total = np.zeros(2)
+    for side in (1.0, -1.0) if one.pair else (1.0,):
+        square = f * (one.bias + side * v) ** 2
+        if one.kind == "plate":
+            total += square * one.area / (one.gap - side * x) ** 2 * side * n
+        else:
+            near, far = one.gap - y, one.gap + y
+            total += square * one.thickness * (1 / near + 1 / far) * side * n
+            total += square * one.thickness * (one.overlap + side * x) * (1 / near**2 - 1 / far**2) * across
+    return total
+
+
+def oracle(made: fg.Scenario, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and samples of them at each step, nondimensional: everything in SI, integrated."""
+    plant, e, scales = made.plant, made.electronics, made.plant.scales
+    h, m = made.run.step * scales.time, plant.mass
+    stiff = np.array([[plant.stiffness.xx, plant.stiffness.xy], [plant.stiffness.xy, plant.stiffness.yy]])
+    damp = np.array([[plant.damping.xx, plant.damping.xy], [plant.damping.xy, plant.damping.yy]])
+    turn = 2 * m * plant.angular_rate * np.array([[0.0, -1.0], [1.0, 0.0]])
+    gain, charge = at_bias(made).gain[[0, 2]], at_bias(made).charge[[0, 2]]
+    passes = np.reshape(e.feedthrough, (2, 2)) / charge[:, None]  # m/V
+    pole = 2 * math.pi * np.array(e.pole)
+
+    def derivative(_: float, state: np.ndarray, volts: np.ndarray) -> np.ndarray:
+        q, v, z = state[:2], state[2:4], state[4:]
+        force = sum((force_of(one, q, volts) for one in made.electrodes.each), np.zeros(2))
+        read = reading(made, q) + passes @ volts
+        return np.concatenate([v, (force - (damp + turn) @ v - stiff @ q) / m, pole * (read - z)])
+
+    q, v = np.array(made.run.initial_position), np.array(made.run.initial_velocity)
+    resonance = np.sqrt(np.diag(stiff) / m - at_bias(made).softening[[0, 2]] / m)
+    lag = resonance / pole
+    first = (q - lag * v * scales.rate / resonance) / (1 + lag**2)
+    bent = reading(made, q * scales.length) / scales.length - q
+    state = np.concatenate([q * scales.length, v * scales.velocity, first * scales.length])
+    positions, samples = [q], [first + bent]
+    before = np.zeros(2)
+    for n in range(steps):
+        now = np.array(force_at(n * made.run.step)) * scales.force / gain
+        t, sampled = 0.0, h - e.sample_delay
+        for until, volts in ((e.update_delay, before), (sampled, now), (h, now)):
+            if until > t:
+                found = solve_ivp(derivative, (t, until), state, args=(volts,), rtol=1e-11, atol=1e-20, method="DOP853")
+                state, t = found.y[:, -1], until
+            if until == sampled and len(samples) == n + 1:
+                samples.append(state[4:] / scales.length)
+        positions.append(state[:2] / scales.length)
+        before = now
+    return np.array(positions), np.array(samples)
+
+
+def reading(made: fg.Scenario, q: np.ndarray) -> np.ndarray:
+    """The position as pick-offs along x and y read it, m: the difference of their capacitances over its slope."""
+    found = np.zeros(2)
+    for one in made.electrodes.of("pickoff"):
+        axis = int(abs(math.sin(one.angle)) > 0.5)
+        x, y = q[axis] + one.offset, (q[1] if axis == 0 else -q[0])
+        if one.kind == "plate":
+            found[axis] = one.fringe * (
+                one.gap**2 / 2 * (1 / (one.gap - x) - 1 / (one.gap + x))
+                - one.gap**2 / 2 * (1 / (one.gap - one.offset) - 1 / (one.gap + one.offset))
+            )
+        else:
+            found[axis] = one.fringe * (x * one.gap / 2 * (1 / (one.gap - y) + 1 / (one.gap + y)) - one.offset)
+    return found
+
+
+@pytest.mark.parametrize("make", [plates, combs])
+def test_a_run_is_that_of_its_equations(make: Any) -> None:
+    odd = {"fringe": 1.1, "offset": 5e-8}
+    electrodes = [*both(make, "force", **odd), *both(make, "pickoff", **odd), plates("tuning", 0.3, offset=1e-7)]
+    made = in_volts(
+        {
+            "run.step": 0.01,
+            "run.duration": 1.5,
+            "run.initial_position": [0.1, 0.05],
+            "run.initial_velocity": [-0.1, 0.06],
+            "electronics.pole": [3e5, 1e6],
+            "electronics.feedthrough": [1e-16, 2e-15, -1e-15, 3e-16],
+            "electronics.sample_delay": 1.1e-7,
+            "electronics.update_delay": 0.7e-7,
+        },
+        electrodes,
+    )
+    run = fg.simulate(made, controller=Given())
+    positions, samples = oracle(made, 150)
+    np.testing.assert_allclose(run["position"], positions, atol=1e-6)
+    np.testing.assert_allclose(run["measured_position"][1:], samples[1:], atol=1e-6)
+    plain = fg.simulate(DUAL.replace({name: value for name, value in made.changes().items() if "run." in name}))
+    assert abs(plain["position"].values - positions[: plain.sizes["time"]]).max() > 1e-4
+
+
+def test_a_mass_that_is_pulled_in_says_by_which_electrode() -> None:
+    electrodes = [plates("tuning", 0.0), plates("tuning", math.pi / 2, bias=40.0, pair=False)]
+    with pytest.raises(fg.DivergedError, match=r"the mass touched electrodes\[1\], of role tuning") as ended:
+        fg.simulate(in_volts(electrodes=electrodes), controller=lambda sample: (0.0, 0.0))
+    assert ended.value.electrode == 1
+    assert np.isfinite(ended.value.run["position"]).all()
+
+
+def test_electrodes_without_voltages_change_no_bit() -> None:
+    given = fg.simulate(DUAL)
+    off = fg.simulate(in_volts(electrodes=[plates("tuning", 0.0, bias=0.0, gap=4e-5)]))
+    for name in given:
+        np.testing.assert_array_equal(given[name], off[name])
+
+
+# The noise-free force rebalance of a device with 300 deg/s of quadrature: its output in deg/h after it has settled.
+HERTZ = 1 / 3925.0
+REBALANCE = {
+    "controller.kind": "force_rebalance",
+    "reference.kind": ["sine", "rest"],
+    "controller.pll_bandwidth": 100 * HERTZ,
+    "controller.amplitude_bandwidth": 100 * HERTZ,
+    "controller.amplitude_integral": 20 * HERTZ,
+    "controller.demodulation_bandwidth": 2000 * HERTZ,
+    "controller.rebalance_bandwidth": 200 * HERTZ,
+    "controller.output_bandwidth": 90 * HERTZ,
+    "plant.angular_rate": 0.0,
+    "run.initial_position": [0.0, 0.0],
+    "run.initial_velocity": [1.0, 0.0],
+    "run.duration": 2000.0,
+    "run.record_every": 10,
+}
+
+
+def bias(made: fg.Scenario) -> float:
+    """deg/h: the mean of the second half of a run."""
+    rate = fg.simulate(made)["rate_estimate"].values * made.plant.scales.rate
+    return float(np.degrees(rate[len(rate) // 2 :].mean()) * 3600)
+
+
+def test_a_pole_turns_quadrature_into_rate_for_force_rebalance() -> None:
+    plant = DUAL.plant
+    coupled = 2 * plant.mass * plant.reference_frequency * math.radians(300.0)
+    still = DUAL.replace({**REBALANCE, "plant.stiffness_deviation": {"xx": 0.0, "xy": coupled, "yy": 0.0}})
+    of_itself = bias(still)
+    pole = bias(still.replace({"electronics.pole": 1e6})) - of_itself
+    closed = 300.0 * 3600 * math.sin(math.atan(3925.29 / 1e6))
+    assert abs(pole) == pytest.approx(closed, rel=0.03)
+    assert abs(of_itself) < 0.01 * closed
+
+
+# -- Other targets ----------------------------------------------------------------------------------------------------
+
+
+def test_a_controller_is_exported_for_the_stiffness_at_bias() -> None:
+    made = in_volts(electrodes=[plates("tuning", math.pi / 2, bias=7.0)])
+    mechanical = DUAL.replace({"plant.stiffness": dict(plant_at_bias(made).stiffness)})
+    assert core_numbers(without_plant(made)) == core_numbers(without_plant(mechanical))
+    assert core_numbers(without_plant(made)) != core_numbers(without_plant(DUAL))
+
+
+def test_a_loop_in_another_target_refuses_volts(tmp_path: Any) -> None:
+    with pytest.raises(ScenarioError, match="electrodes is given: a loop in this target has no volts"):
+        fmu(in_volts(), tmp_path / "loop.fmu", content="loop", unbounded=True)
