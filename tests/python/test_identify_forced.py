@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bench_records import DUAL_MASS
 from fracgyro.identification.first_stage import Fitted
-from fracgyro.identification.results import Result
+from fracgyro.identification.found import Found
 from nightly import nightly_unless
 from scipy.linalg import expm
 
@@ -41,7 +41,7 @@ def forced(delay: float, seed: int, noise: float = 1e-3) -> fg.identify.Record:
 
 
 @cache
-def identified(delay: float) -> Result:
+def identified(delay: float) -> Found:
     return fg.identify(forced(delay, seed=round(10 * delay)))
 
 

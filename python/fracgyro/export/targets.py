@@ -128,7 +128,7 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
     """The replay program of this compiler, used for every scenario and deleted with the process."""
     folder = tempfile.TemporaryDirectory()
     source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
-    system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", Path(folder.name) / "replay")
+    system_compiler(*FLAGS, "-O1", "-march=native", *headers, source, "-o", Path(folder.name) / "replay")
     return folder
 
 
