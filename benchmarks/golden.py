@@ -33,6 +33,7 @@ SHIPPED = ROOT / "python/fracgyro/scenario/shipped"
 HEADERS = {
     **dict.fromkeys(("fractional_fast_terminal", "fractional", "fast_terminal", "linear"), "sliding_mode"),
     **dict.fromkeys(("open_loop", "force_rebalance"), "conventional"),
+    "virtual_rotation": "whole_angle",
 }
 SURFACES = ("fractional_fast_terminal", "fractional", "fast_terminal", "linear")
 ADAPTATIONS: dict[str, Changes] = {
