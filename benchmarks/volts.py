@@ -34,6 +34,7 @@ REBALANCE: dict[str, Any] = {
     "controller.output_bandwidth": 90 * HERTZ,
     "run.initial_position": [0.0, 0.0],
     "run.record_every": 10,
+    "datasheet.lag": 0.0,
 }
 JOINT: dict[str, Any] = {"run.record_every": 10}
 LAWS = {"force rebalance": REBALANCE, "joint": JOINT}

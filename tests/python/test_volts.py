@@ -149,10 +149,11 @@ def test_noise_of_the_amplifiers_and_steps_of_the_driver_are_told() -> None:
     step = made.run.step * made.plant.scales.time
     deviations = np.sqrt(sensor_variance(device_values(made), "position")) * made.plant.scales.length
     assert deviations[0] == pytest.approx(wanted * math.sqrt(0.5 / step), rel=1e-12)
-    told = datasheet(made)
+    told, by_steps = datasheet(made), datasheet(made.replace({"controller.kind": "internal_model"}))
     assert told.position_noise == pytest.approx(math.sqrt(np.mean(deviations**2)) / made.plant.scales.length)
     code = float(at_bias(made).gain[0]) * 20.0 / 2**12 / made.plant.scales.force
-    assert told.force_noise == pytest.approx(code / math.sqrt(12))
+    assert by_steps.force_noise == pytest.approx(code / math.sqrt(12))
+    assert told.force_noise == 0.0  # the joint filter takes the code itself
 
 
 def at_bias_stiffness(made: fg.Scenario) -> float:
@@ -317,10 +318,21 @@ def test_a_pole_turns_quadrature_into_rate_for_force_rebalance() -> None:
     coupled = 2 * plant.mass * plant.reference_frequency * math.radians(300.0)
     still = DUAL.replace({**REBALANCE, "plant.stiffness_deviation": {"xx": 0.0, "xy": coupled, "yy": 0.0}})
     of_itself = bias(still)
-    pole = bias(still.replace({"electronics.pole": 1e6})) - of_itself
+    late = still.replace({"electronics.pole": 1e6})
+    pole = bias(late.replace({"datasheet.lag": 0.0})) - of_itself
     closed = 300.0 * 3600 * math.sin(math.atan(3925.29 / 1e6))
     assert abs(pole) == pytest.approx(closed, rel=0.03)
     assert abs(of_itself) < 0.01 * closed
+    assert abs(bias(late) - of_itself) < 1e-4 * closed  # known, as everything that the datasheet leaves out
+    step = still.run.step * still.plant.scales.time
+    parts = {
+        "electronics.sample_delay": 0.3 * step,
+        "electronics.update_delay": 0.4 * step,
+        "electronics.aperture": 0.5 * step,
+    }
+    assert abs(bias(still.replace(parts)) - of_itself) < 1e-4 * closed
+    hidden = 300.0 * 3600 * math.sin(0.95 * still.run.step)
+    assert abs(bias(still.replace({**parts, "datasheet.lag": 0.0})) - of_itself) == pytest.approx(hidden, rel=0.03)
 
 
 # -- Other targets ----------------------------------------------------------------------------------------------------
