@@ -363,7 +363,7 @@ class Line:
         self.z = np.zeros(2, complex)
         self.detuning = self.offset = self.force = self.turning = self.sum = self.held = self.wait = 0.0
         self.out = np.zeros(3)  # rate, quadrature, decay, behind the filter of the output
-        self.way = self.time = self.last = 0.0
+        self.way, self.steps, self.last = 0.0, 0, 0.0
         self.sign, self.ways, self.mean, self.scale_error = 1.0, 0, 0.0, 0.0
         self.reports: list[dict[str, float]] = []
 
@@ -428,16 +428,17 @@ class Line:
 
     def reverse(self, wanted: float, part: float) -> None:
         c = self.c
-        self.way += part if self.time >= 0 else 0.0
-        self.time += self.h
-        if abs(self.way) < c.reversal_turns and self.time < 8 * np.pi * c.reversal_turns / abs(c.virtual_rate):
+        self.way += part if self.steps >= 0 else 0.0
+        self.steps += 1
+        time = self.steps * self.h
+        if abs(self.way) < c.reversal_turns and time < 8 * np.pi * c.reversal_turns / abs(c.virtual_rate):
             return
-        mean = wanted - 2 * np.pi * self.way / self.time
+        mean = wanted - 2 * np.pi * self.way / time
         self.ways = min(self.ways + 1, 3)
         self.mean = (mean + self.last) / 2
         self.scale_error = (self.last - mean) / (2 * wanted) if self.ways == 3 else 0.0
         self.last, self.sign, self.way = mean, -self.sign, 0.0
-        self.time = -10 / min(c.angle_bandwidth, c.demodulation_bandwidth)
+        self.steps = -round(10 / min(c.angle_bandwidth, c.demodulation_bandwidth) / self.h)
 
 
 class Reversal:

@@ -156,7 +156,8 @@ struct WholeAngleGyroscope {
                        .start = typename Phase::Type{} + phase_of(p.start_angle)};
         if constexpr (reverses) {
             c.turns = T(all.turns);
-            c.settling = T(10.0 / minimum(p.angle_bandwidth, p.loop.demodulation_bandwidth));
+            const double steps = 10.0 / minimum(p.angle_bandwidth, p.loop.demodulation_bandwidth) / h;
+            c.settling = T(h * detail::round_to_nearest(minimum(steps, 1e15)));
             c.longest = T(4.0 * turn * all.turns / maximum(absolute(p.virtual_rate), 1e-12));
         }
         return c;
@@ -288,7 +289,8 @@ private:
     static void reverse(Turning& r, const Coefficients& c, T part)
         requires reverses
     {
-        r.way = r.way + if_less(r.time.value, T(0.0), T(0.0), part);
+        // Half a step of margin: a sum of steps need not be exactly 0.
+        r.way = r.way + if_less(r.time.value + T(0.5) * c.drive.step, T(0.0), T(0.0), part);
         r.time = r.time + c.drive.step;
         const T size = absolute(r.way.value);
         if (always_less(size, c.turns) && always_less(r.time.value, c.longest)) {
