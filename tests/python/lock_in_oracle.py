@@ -135,6 +135,7 @@ class LockIn:
         self.ramp = time * np.array([k[0, 0], k[0, 1], k[1, 1]])
         self.squares, self.means, self.explained = 1.0, np.zeros(2), 0.0
         self.beyond = self.age = self.lasting = 0
+        self.lag = 0.0
 
     def along(self) -> np.ndarray:
         """The force of each axis at each line that keeps the estimated plant on the reference."""
@@ -214,15 +215,20 @@ class LockIn:
         seen = np.array([[s.real, s.imag] for s in sums]).ravel()
         difference = seen - self.measured @ self.z - forced
         moved, far, sums3 = np.zeros(SIZE), 0, np.zeros(3)
+        turns = (self.n * self.h / 2) ** 2
+        unknown, moved_by = turns * (self.p[8, 8] + self.p[10, 10]), turns * (self.theta[4] ** 2 + self.theta[6] ** 2)
         for i in range(4):
             row = np.hstack([self.measured[i], sensitivity[i // 2, 2 + i % 2]])
-            innovation, variance = difference[i] - row @ moved, row @ self.p @ row + self.r[i]
-            inside = innovation**2 < FAR**2 * variance
+            innovation = difference[i] - row @ moved
+            motion = self.z[i // 2] ** 2 + self.z[2 + i // 2] ** 2
+            product = unknown * (innovation**2 + motion) + moved_by * motion
+            variance = row @ self.p @ row + self.r[i] + product
+            u, _ = factors(self.p)
+            g = row @ u[:, RATE]  # to Omega_z, of what is not explained by the parameters after it
+            inside = innovation**2 < FAR**2 * (variance + self.lag * g**2)
             far |= not inside
             if not inside and self.beyond < 3:
                 continue
-            u, _ = factors(self.p)
-            g = row @ u[:, RATE]  # to Omega_z, of what is not explained by the parameters after it
             gain = self.p @ row / variance
             moved += gain * innovation
             self.p -= np.outer(gain, gain) * variance
@@ -244,7 +250,9 @@ class LockIn:
         off = self.squares - now >= 1.25 + 3 * self.explained
         self.lasting = max(self.lasting + (1 if off else -1), 0)
         chance = 0.125 / WINDOW
-        lag = max(now - 16 * chance, self.explained - 3 * chance, self.squares - 1.25, 0)
+        explained = max(now - 16 * chance, self.explained - 3 * chance, 0)
+        self.lag = 4 * explained / self.means[1] if explained else 0.0
+        lag = max(explained, self.squares - 1.25)
         variance = self.p[RATE, RATE]
         stated = variance * max(self.squares - now, 1) + (4 * lag / self.means[1] if lag else 0)
         self.deviation = math.sqrt(stated)

@@ -5,11 +5,10 @@
 //
 //    Each step, with the reference r and n steps in a span:
 //
-//        u = P r + Q ṙ        sums of (y - r) r and (y - r) ṙ on each axis
+//        u = P r + Q ṙ        sums of e r and e ṙ, with e = y - r of one axis and r, ṙ of the other
 //
-//    The sums, rotated to the middle of the span, are the statistics of the span: projections of the error on the sine
-//    and cosine that the axis can move by. Nothing of z = [e, ė] is lost, nor of θ = (Ωz, D, K, K̇/K) while a span is shorter
-//    than the beat of the two frequencies.
+//    The sums, rotated to the middle of the span, are its statistics: projections of the error of each axis on the line
+//    of the other, by which Ωz couples the axes. Up to 256 steps they lose nothing of θ = (Ωz, D, K, K̇/K).
 //
 //    A force a Im(w e^(iφ)) at the frequency of axis b, φ its phase half a step after a sample, is the number w. The
 //    force that keeps a plant on the reference is
@@ -25,12 +24,13 @@
 //    A is corrected to first order for the estimates. P = U diag(d) Uᵀ (core/covariance.hpp), z before θ. Forces within
 //    a span move its statistics too; that these agree with what they do to z' is neglected.
 //
-//    The work is divided among the steps of a span, in the order of work(): span k is learned from during span k + 1,
-//    which ends with the force of span k + 2. A step in which the sines are evaluated again has no task.
+//    The work is divided among the steps of a span, in the order of LockInFilter::work: span k is learned from during
+//    span k + 1, which ends with the force of span k + 2.
 //
-//    Statistics beyond eight deviations are not learned from, unless the last three spans had some. The stated
-//    deviation grows with the mean of their squares and with the error of Ω̂z that explains them, as in consistency.hpp.
-//    If they are too large for long, D, K and Ωz are learned again.
+//    Products of errors are neglected: an error of K over half a span, times the innovation and z, counts as noise of a
+//    statistic. Statistics beyond eight deviations are not learned from, unless the last three spans had some. The
+//    stated deviation grows with the mean of their squares and with the error of Ω̂z that explains them, as in
+//    consistency.hpp; if they are too large for long, D, K and Ωz are learned again.
 //
 // Source: ours; docs/decisions/0057.
 #pragma once
@@ -72,8 +72,7 @@ struct LockIn {
                 a.refused};
     }
     static bool sound(const State& state, const Coefficients& c) {
-        return fracgyro::sound(state.started) && Filter::sound(state.filter) && state.slot >= 0 &&
-               state.slot < c.steps;
+        return fracgyro::sound(state.started) && Filter::sound(state.filter) && state.slot >= 0 && state.slot < c.steps;
     }
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
     // The motion is unknown; D, K and Ωz have the prior's uncertainty, about the estimates if they are kept.

@@ -10,8 +10,10 @@
 namespace fracgyro {
 
 struct LockInParams {
+    static constexpr double shortest = 160.0, longest = 256.0;
+
     double bandwidth = 0.02;
-    std::int64_t span = 128;
+    std::int64_t span = 160;
     AdaptationParams adaptation{};  // only forgetting is used
     Datasheet datasheet{};
 
@@ -20,9 +22,9 @@ struct LockInParams {
         return std::tuple{
             field("bandwidth", &P::bandwidth, "omega0", above_0,
                   "Unit omega0, > 0: rate at which errors of amplitude and phase decay; at most 0.3 per span."),
-            settable(Settable::beforehand, field("span", &P::span, "h", Range{.low = 128.0, .high = 256.0, .whole = true},
-                                                 "Steps after which the filter computes once, 128 to 256. It must be "
-                                                 "shorter than the beat of the two frequencies of the reference.")),
+            settable(Settable::beforehand,
+                     field("span", &P::span, "h", Range{.low = shortest, .high = longest, .whole = true},
+                           "Steps after which the filter computes once, 160 to 256.")),
             Inner{"adaptation", &P::adaptation, AdaptationParams::forgetting_fields()},
             Inner{"datasheet", &P::datasheet},
         };

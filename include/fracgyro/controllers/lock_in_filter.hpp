@@ -4,6 +4,7 @@
 
 #include "fracgyro/controllers/lock_in_model.hpp"
 #include "fracgyro/core/covariance.hpp"
+#include "fracgyro/core/saved.hpp"
 
 namespace fracgyro {
 
@@ -19,9 +20,9 @@ struct LockInFilter {
     using Covariance = FactoredCovariance<T, size>;
 
     struct Span {
-        SineCosine2<T> phase{};    // at its first sample
-        Vec2<T> sine{}, cosine{};  // sums of r and ṙ of an axis times the error of the other
-        Kept<T, bool> seen = true; // every sample was measured
+        SineCosine2<T> phase{};     // at its first sample
+        Vec2<T> sine{}, cosine{};   // sums of r and ṙ of an axis times the error of the other
+        Kept<T, bool> seen = true;  // every sample was measured
     };
     struct Forces {
         Lines acted{}, acting{}, designed{};  // of the last span, of this one, and of the next
@@ -36,26 +37,29 @@ struct LockInFilter {
         T lasting{}, age{};        // spans that were too far off, less others; spans since the start
         T far{}, refused{};        // 1: a number of this span is refused; of the last one
         std::array<T, 3> sum{};    // of this span, for the means
+        T lag{};                   // variance of Ω̂z by a rate that moves
         T deviation{}, trusted{};  // of Ω̂z
     };
     // Numbers between tasks.
     struct Scratch {
         std::array<T, 7> row{};  // of active components
         std::array<T, size> f{}, moved{};
-        T alpha{}, innovation{};
+        T alpha{}, innovation{}, product{};
+        T unknown{},
+            moved_by{};  // squares of relative errors of a span's responses: by errors of K, by K less its nominal
         typename Covariance::Running gain{};
         typename Covariance::Added added{};
         std::array<Four, 8> columns{};
         std::array<T, 8> weight{}, weighted{};
-        T inverse{}, off{}, known{};
+        T inverse{}, off{}, known{}, again{};
         SineCosine2<T> at{};
         Four ahead{};
     };
     struct State {
         Span now{}, last{};
         Forces force{};
-        Four motion{};                                                    // z at the start of the last span or of this
-        Row plant{};                                                      // θ less the nominal plant
+        Four motion{};  // z at the start of the last span or of this
+        Row plant{};    // θ less the nominal plant
         typename Covariance::State covariance{};
         std::array<std::array<std::array<Complex, 4>, 2>, 2> response{};  // X: axis, line
         std::array<Four, motions> map{};                                  // A
@@ -65,17 +69,19 @@ struct LockInFilter {
         Agreement agreement{};
         Scratch scratch{};
         std::int32_t task = 0;
-        bool fresh = true;  // the span has no span before it
     };
 
     // Tasks: of the start, of the statistics, of each number, and others.
-    static constexpr std::int32_t starts = 8, first_number = starts + 3, parts = 15,
+    static constexpr std::int32_t starts = 8, first_number = starts + 4, parts = 17,
                                   after_numbers = first_number + static_cast<std::int32_t>(numbers) * parts,
-                                  first_ahead = after_numbers + 40, tasks = first_ahead + 11;
+                                  first_ahead = after_numbers + 45, tasks = first_ahead + 12;
+
+    // Steps of the shortest span without those that have no task: its first, and three in which sines are made exact.
+    static_assert(tasks - starts <= Model::shortest - 1 - 3 * (Model::shortest / 32 + 1));
 
     static bool sound(const State& state) {
-        return fracgyro::sound(state.fresh) && fracgyro::sound(state.now.seen) && fracgyro::sound(state.last.seen) &&
-               state.task >= 0 && state.task <= tasks;
+        return fracgyro::sound(state.now.seen) && fracgyro::sound(state.last.seen) && state.task >= 0 &&
+               state.task <= tasks;
     }
 
     // A new span. `fresh`: all before is unknown, except the plant.
@@ -84,7 +90,8 @@ struct LockInFilter {
         state.last.sine = state.now.sine;
         state.last.cosine = state.now.cosine;
         state.last.seen = state.now.seen;
-        state.now.phase = {.sine = c.scales.inverse_amplitude * r.position, .cosine = c.scales.inverse_speed * r.velocity};
+        state.now.phase = {.sine = c.scales.inverse_amplitude * r.position,
+                           .cosine = c.scales.inverse_speed * r.velocity};
         state.now.sine = state.now.cosine = {};
         state.now.seen = true;
         state.task = fresh ? 0 : starts;
@@ -111,97 +118,193 @@ private:
 
     static void prepare(State& state, const Model& c, std::int32_t task) {
         switch (task) {
-        case 0: return clear<0, 33>(state);
-        case 1: return clear<33, Covariance::column(size)>(state);
-        case 2: return reset_motion(state, c);
-        case 3: return reset_plant(state, c);
-        case 4: return reset_agreement(state);
-        case 5: return find_along<0>(state, c);
-        case 6: return find_along<1>(state, c);
-        case 7: return begin_ahead(state, c);
-        case 8: return find_statistics(state, c);
-        case 9: return compare<0>(state, c);
-        default: return compare<1>(state, c);
+            case 0:
+                return clear<0, 33>(state);
+            case 1:
+                return clear<33, Covariance::column(size)>(state);
+            case 2:
+                return reset_motion(state, c);
+            case 3:
+                return reset_plant(state, c);
+            case 4:
+                return reset_agreement(state);
+            case 5:
+                return find_along<0>(state, c);
+            case 6:
+                return find_along<1>(state, c);
+            case 7:
+                return begin_ahead(state, c);
+            case 8:
+                return find_statistics(state, c);
+            case 9:
+                return find_left_out(state, c);
+            case 10:
+                return compare<0>(state, c);
+            default:
+                return compare<1>(state, c);
         }
     }
     template <std::size_t axis>
     static void learn(State& state, const Model& c, std::int32_t number, std::int32_t task) {
         switch (task) {
-        case 0: return find_row<axis>(state, c, static_cast<std::size_t>(number));
-        case 1: return weigh<axis, 4, 8>(state);
-        case 2: return weigh<axis, 8, 10>(state);
-        case 3: return weigh<axis, 10, 12>(state);
-        case 4: return judge<axis>(state, c, static_cast<std::size_t>(number));
-        case 5: return absorb<0, 4>(state);
-        case 6: return absorb<4, 6>(state);
-        case 7: return absorb<6, 7>(state);
-        case 8: return absorb<7, 8>(state);
-        case 9: return absorb<8, 9>(state);
-        case 10: return absorb<9, 10>(state);
-        case 11: return absorb<10, 11>(state);
-        case 12: return absorb_rows<11, 0, 5>(state);
-        case 13: return absorb_rows<11, 5, 11>(state);
-        default: return correct(state);
+            case 0:
+                return find_row<axis>(state, c, static_cast<std::size_t>(number));
+            case 1:
+                return weigh<axis, 4, 8>(state);
+            case 2:
+                return weigh<axis, 8, 10>(state);
+            case 3:
+                return weigh<axis, 10, 12>(state);
+            case 4:
+                return surprise<axis>(state, static_cast<std::size_t>(number));
+            case 5:
+                return judge(state, c, static_cast<std::size_t>(number));
+            case 6:
+                return absorb<0, 4>(state);
+            case 7:
+                return absorb<4, 6>(state);
+            case 8:
+                return absorb<6, 7>(state);
+            case 9:
+                return absorb<7, 8>(state);
+            case 10:
+                return absorb<8, 9>(state);
+            case 11:
+                return absorb<9, 10>(state);
+            case 12:
+                return absorb_rows<10, 0, 5>(state);
+            case 13:
+                return absorb_rows<10, 5, 10>(state);
+            case 14:
+                return absorb_rows<11, 0, 5>(state);
+            case 15:
+                return absorb_rows<11, 5, 11>(state);
+            default:
+                return correct(state);
         }
     }
     static void follow(State& state, const Model& c, std::int32_t task) {
         switch (task) {
-        case 0: return settle(state, c);
-        case 1: return average(state, c);
-        case 2: return find_variance(state);
-        case 3: return explain(state, c);
-        case 4: return state_deviation(state, c);
-        case 5: return trust(state, c);
-        case 6: return find_along<0>(state, c);
-        case 7: return find_along<1>(state, c);
-        case 8: return correct_map<0>(state, c);
-        case 9: return correct_map<1>(state, c);
-        case 10: return find_lack(state, state.force.acted);
-        case 11: return advance(state);
-        case 12: return push<0>(state, c);
-        case 13: return push<1>(state, c);
-        case 14: return spread<0>(state, c);
-        case 15: return spread<1>(state, c);
-        case 16: return spread<2>(state, c);
-        case 17: return spread<3>(state, c);
-        case 18: return spread<4>(state, c);
-        case 19: return spread<5>(state, c);
-        case 20: return spread<6>(state, c);
-        case 21: return move_drift(state);
-        case 22: return spread<7>(state, c);
-        case 23: return column<0>(state, c);
-        case 24: return column<1>(state, c);
-        case 25: return column<2>(state, c);
-        case 26: return column<3>(state, c);
-        case 27: return normalize<3>(state);
-        case 28: return orthogonalize<3, 0>(state);
-        case 29: return orthogonalize<3, 1>(state);
-        case 30: return orthogonalize<3, 2>(state);
-        case 31: return normalize<2>(state);
-        case 32: return orthogonalize<2, 0>(state);
-        case 33: return orthogonalize<2, 1>(state);
-        case 34: return normalize<1>(state);
-        case 35: return orthogonalize<1, 0>(state);
-        case 36: return normalize<0>(state);
-        case 37: return drift(state, c);
-        case 38: return drift_rate(state, c);
-        case 39: return drift_motion(state);
-        default: return look(state, c, task - (first_ahead - after_numbers));
+            case 0:
+                return settle(state, c);
+            case 1:
+                return average(state, c);
+            case 2:
+                return find_variance(state);
+            case 3:
+                return explain(state, c);
+            case 4:
+                return state_deviation(state, c);
+            case 5:
+                return trust(state, c);
+            case 6:
+                return forget<0, 22>(state);
+            case 7:
+                return forget<22, 44>(state);
+            case 8:
+                return forget<44, Covariance::column(size)>(state);
+            case 9:
+                return learn_again(state, c);
+            case 10:
+                return find_along<0>(state, c);
+            case 11:
+                return find_along<1>(state, c);
+            case 12:
+                return correct_map<0>(state, c);
+            case 13:
+                return correct_map<1>(state, c);
+            case 14:
+                return find_lack(state, state.force.acted);
+            case 15:
+                return carry(state);
+            case 16:
+                return advance(state);
+            case 17:
+                return push<0>(state, c);
+            case 18:
+                return push<1>(state, c);
+            case 19:
+                return spread<0>(state, c);
+            case 20:
+                return spread<1>(state, c);
+            case 21:
+                return spread<2>(state, c);
+            case 22:
+                return spread<3>(state, c);
+            case 23:
+                return spread<4>(state, c);
+            case 24:
+                return spread<5>(state, c);
+            case 25:
+                return spread<6>(state, c);
+            case 26:
+                return move_drift(state);
+            case 27:
+                return spread<7>(state, c);
+            case 28:
+                return column<0>(state, c);
+            case 29:
+                return column<1>(state, c);
+            case 30:
+                return column<2>(state, c);
+            case 31:
+                return column<3>(state, c);
+            case 32:
+                return normalize<3>(state);
+            case 33:
+                return orthogonalize<3, 0>(state);
+            case 34:
+                return orthogonalize<3, 1>(state);
+            case 35:
+                return orthogonalize<3, 2>(state);
+            case 36:
+                return normalize<2>(state);
+            case 37:
+                return orthogonalize<2, 0>(state);
+            case 38:
+                return orthogonalize<2, 1>(state);
+            case 39:
+                return normalize<1>(state);
+            case 40:
+                return orthogonalize<1, 0>(state);
+            case 41:
+                return normalize<0>(state);
+            case 42:
+                return drift(state, c);
+            case 43:
+                return drift_rate(state, c);
+            case 44:
+                return drift_motion(state);
+            default:
+                return look(state, c, task - (first_ahead - after_numbers));
         }
     }
     static void look(State& state, const Model& c, std::int32_t task) {
         switch (task) {
-        case 0: return respond<0, 0>(state, c);
-        case 1: return respond<0, 1>(state, c);
-        case 2: return respond<1, 0>(state, c);
-        case 3: return respond<1, 1>(state, c);
-        case 4: return find_lack(state, state.force.acting);
-        case 5: return look_ahead(state);
-        case 6: return find_phase(state, c);
-        case 7: return feed_back(state, c);
-        case 8: return limit(state, c);
-        case 9: return modulate<0>(state, c);
-        default: return modulate<1>(state, c);
+            case 0:
+                return respond<0, 0>(state, c);
+            case 1:
+                return respond<0, 1>(state, c);
+            case 2:
+                return respond<1, 0>(state, c);
+            case 3:
+                return respond<1, 1>(state, c);
+            case 4:
+                return find_lack(state, state.force.acting);
+            case 5:
+                return carry(state);
+            case 6:
+                return look_ahead(state);
+            case 7:
+                return find_phase(state, c);
+            case 8:
+                return feed_back(state, c);
+            case 9:
+                return limit(state, c);
+            case 10:
+                return modulate<0>(state, c);
+            default:
+                return modulate<1>(state, c);
         }
     }
 
@@ -232,6 +335,15 @@ private:
         Agreement& a = state.agreement;
         a.far = a.sum[0] = a.sum[1] = a.sum[2] = T(0.0);
     }
+    // An error of K turns the motion within half a span.
+    static void find_left_out(State& state, const Model& c) {
+        Scratch& w = state.scratch;
+        const T x = state.plant[4], y = state.plant[6];
+        const T variance =
+            Covariance::variance(state.covariance, motions + 4) + Covariance::variance(state.covariance, motions + 6);
+        w.unknown = c.noise.left_out * variance;
+        w.moved_by = c.noise.left_out * c.noise.precision * (x * x + y * y);
+    }
     template <std::size_t axis>
     static void compare(State& state, const Model& c) {
         unrolled<0, 2>([&](auto s) {
@@ -248,8 +360,7 @@ private:
 
     // Components that a number of an axis depends on.
     template <std::size_t axis>
-    static constexpr std::array<std::size_t, 7> active = {axis,     2 + axis, rate,    5 + axis,
-                                                          6 + axis, 8 + axis, 9 + axis};
+    static constexpr std::array<std::size_t, 7> active = {axis, 2 + axis, rate, 5 + axis, 6 + axis, 8 + axis, 9 + axis};
 
     template <std::size_t axis>
     static void find_row(State& state, const Model& c, std::size_t number) {
@@ -288,20 +399,30 @@ private:
         });
         w.alpha = alpha;
     }
-    // Refuses a number that is too far from the predicted one: to a noise beyond all it adds nothing.
+    // The innovation of a number. Products of errors, which the model neglects, count as its noise.
     template <std::size_t axis>
+    static void surprise(State& state, std::size_t number) {
+        Scratch& w = state.scratch;
+        T innovation = state.difference[number];
+        unrolled<0, 7>([&](auto n) { innovation = innovation - w.row[n] * w.moved[active<axis>[n]]; });
+        const T e = state.motion[axis], v = state.motion[2 + axis];
+        w.innovation = innovation;
+        const T motion = e * e + v * v;
+        w.product = w.unknown * (innovation * innovation + motion) + w.moved_by * motion;
+    }
+    // Refuses a number that is too far from the predicted one: to a noise beyond all it adds nothing.
     static void judge(State& state, const Model& c, std::size_t number) {
         Scratch& w = state.scratch;
         Agreement& a = state.agreement;
-        T innovation = state.difference[number];
-        unrolled<0, 7>([&](auto n) { innovation = innovation - w.row[n] * w.moved[active<axis>[n]]; });
-        const T zero = T(0.0), one = T(1.0);
-        const T limit = c.noise.variance * T(max_innovation * max_innovation) * w.alpha;
-        const T inside = if_less(innovation * innovation, limit, one, zero);  // 0 for NaN
+        const T zero = T(0.0), one = T(1.0), square = w.innovation * w.innovation;
+        const T g = w.f[rate];
+        const T variance = c.noise.variance * (w.alpha + w.product) + a.lag * (g * g);
+        const T limit = T(max_innovation * max_innovation) * variance;
+        const T inside = if_less(square, limit, one, zero);  // 0 for NaN
         const T learns = state.last.seen ? if_less(a.beyond, T(max_refused), inside, one) : zero;
         a.far = if_less(zero, inside, a.far, one);
-        w.innovation = if_less(zero, learns, innovation, zero);
-        const T noise = if_less(zero, learns, c.noise.measured[number], T(beyond_all));
+        w.innovation = if_less(zero, learns, w.innovation, zero);
+        const T noise = if_less(zero, learns, c.noise.measured[number] + w.product, T(beyond_all));
         w.gain.found.variance = noise;
         w.gain.inverse = T(1.0) / noise;
     }
@@ -352,9 +473,7 @@ private:
         a.along = a.along + weight * (a.sum[1] - a.along);
         a.sensitivity = a.sensitivity + weight * (a.sum[2] - a.sensitivity);
     }
-    static void find_variance(State& state) {
-        state.scratch.known = Covariance::variance(state.covariance, rate);
-    }
+    static void find_variance(State& state) { state.scratch.known = Covariance::variance(state.covariance, rate); }
     static void explain(State& state, const Model& c) {
         Agreement& a = state.agreement;
         Scratch& w = state.scratch;
@@ -371,9 +490,10 @@ private:
         const Scratch& w = state.scratch;
         constexpr double chance = 0.5 / (4.0 * window);  // what noise explains
         const T rest = maximum(a.squares - T(max_excess), T(0.0));
-        const T lag = maximum(maximum(a.now - T(16.0 * chance), a.explained - T(3.0 * chance)), rest);
+        const T lag = maximum(a.now - T(16.0 * chance), a.explained - T(3.0 * chance)), per_rate = T(4.0) * w.inverse;
+        a.lag = per_rate * maximum(lag, T(0.0));
         const T excess = maximum(a.squares - a.now, T(1.0));
-        a.deviation = square_root(c.noise.variance * w.known * excess + T(4.0) * w.inverse * lag);
+        a.deviation = square_root(c.noise.variance * w.known * excess + per_rate * maximum(lag, rest));
     }
     static void trust(State& state, const Model& c) {
         Agreement& a = state.agreement;
@@ -383,27 +503,32 @@ private:
         good = if_less(w.known, T(max_share) * c.prior.plant[0], good, zero);
         good = if_less(a.age, T(first_trusted), zero, good);
         a.trusted = if_less(w.off + a.far, T(0.5), good, zero);
-        const T again = if_less(a.lasting, T(patience), zero, one);
+        state.scratch.again = if_less(a.lasting, T(patience), zero, one);
+    }
+    // Makes D, K, Ωz and the motion unknown again, in the runs for which `again` is 1.
+    template <std::size_t begin, std::size_t end>
+    static void forget(State& state) {
+        const T again = state.scratch.again, zero = T(0.0);
         if (!always_less(again, T(0.5))) {
-            learn_again(state, c, again);
+            unrolled<begin, end>([&](auto i) {
+                T& u = state.covariance.u_factor[i];
+                u = if_less(zero, again, zero, u);
+            });
         }
     }
-    // D, K and Ωz are unknown again, in the runs for which `which` is 1. Takes longer than other tasks.
-    static void learn_again(State& state, const Model& c, T which) {
-        const T zero = T(0.0);
-        const auto instead = [&](T& a, T b) { a = if_less(zero, which, b, a); };
-        for (T& u : state.covariance.u_factor) {
-            instead(u, zero);
+    static void learn_again(State& state, const Model& c) {
+        const T again = state.scratch.again, zero = T(0.0);
+        if (always_less(again, T(0.5))) {
+            return;
         }
-        for (std::size_t i = 0; i < motions; ++i) {
-            instead(state.covariance.d_factor[i], c.prior.motion[i]);
+        const auto instead = [&](T& a, T b) { a = if_less(zero, again, b, a); };
+        unrolled<0, motions>([&](auto i) { instead(state.covariance.d_factor[i], c.prior.motion[i]); });
+        unrolled<0, parameters>([&](auto k) { instead(state.covariance.d_factor[motions + k], c.prior.plant[k]); });
+        Agreement& a = state.agreement;
+        instead(a.squares, T(1.0));
+        for (T* const other : {&a.along, &a.sensitivity, &a.explained, &a.lasting, &a.age, &a.lag}) {
+            instead(*other, zero);
         }
-        for (std::size_t k = 0; k < parameters; ++k) {
-            instead(state.covariance.d_factor[motions + k], c.prior.plant[k]);
-        }
-        instead(state.agreement.lasting, zero);
-        instead(state.agreement.age, zero);
-        instead(state.agreement.squares, T(1.0));
     }
 
     template <std::size_t line>
@@ -437,13 +562,13 @@ private:
     }
     static void find_lack(State& state, const Lines& force) {
         unrolled<0, 2>([&](auto a) {
-            unrolled<0, 2>(
-                [&](auto b) { state.force.lack[a][b] = force[a][b] - state.force.along[a][b]; });
+            unrolled<0, 2>([&](auto b) { state.force.lack[a][b] = force[a][b] - state.force.along[a][b]; });
         });
     }
-    // z after the span of X.
-    static Four after(const State& state, const Four& z) {
-        Four next = through(state.map, z);
+    // z after the span of X: by A, and by the forces.
+    static void carry(State& state) { state.scratch.ahead = through(state.map, state.motion); }
+    static Four forced(const State& state) {
+        Four next = state.scratch.ahead;
         unrolled<0, motions>([&](auto k) {
             constexpr std::size_t a = k % 2, i = k / 2;
             const auto &x = state.response[a], &lack = state.force.lack[a];
@@ -451,8 +576,8 @@ private:
         });
         return next;
     }
-    static void advance(State& state) { state.motion = after(state, state.motion); }
-    static void look_ahead(State& state) { state.scratch.ahead = after(state, state.motion); }
+    static void advance(State& state) { state.motion = forced(state); }
+    static void look_ahead(State& state) { state.scratch.ahead = forced(state); }
     // Sensitivity of z of one axis to θ.
     template <std::size_t axis>
     static void push(State& state, const Model& c) {
@@ -518,7 +643,7 @@ private:
             w.columns[4 + j][i] = i % 2 == j / 2 ? (i < 2 ? c.noise.columns[j].x() : c.noise.columns[j].y()) : T(0.0);
         });
         w.weight[j] = state.covariance.d_factor[j];
-        w.weight[4 + j] = c.noise.force;
+        w.weight[4 + j] = state.last.seen ? c.noise.force : c.prior.motion[0];  // the force was another
     }
     // d of row i.
     template <std::size_t i>
@@ -572,10 +697,8 @@ private:
     template <std::size_t axis, std::size_t line>
     static void respond(State& state, const Model& c) {
         const SineCosine2<T> at = state.now.phase * c.turns.half;
-        const Complex turn =
-            line == 0 ? Complex{at.cosine.x(), at.sine.x()} : Complex{at.cosine.y(), at.sine.y()};
-        unrolled<0, 4>(
-            [&](auto i) { state.response[axis][line][i] = times(c.response[axis][line][i], turn); });
+        const Complex turn = line == 0 ? Complex{at.cosine.x(), at.sine.x()} : Complex{at.cosine.y(), at.sine.y()};
+        unrolled<0, 4>([&](auto i) { state.response[axis][line][i] = times(c.response[axis][line][i], turn); });
     }
     static void find_phase(State& state, const Model& c) { state.scratch.at = state.now.phase * c.turns.over; }
     // The error e = α sin φ + β cos φ at the start of the next span decays.

@@ -10,7 +10,8 @@ namespace fracgyro {
 template <Scalar T>
 struct LockInModel {
     static constexpr std::size_t motions = 4, parameters = 8, numbers = 4;
-    using Complex = Vec2<T>;  // real and imaginary part
+    static constexpr std::int32_t shortest = static_cast<std::int32_t>(LockInParams::shortest);
+    using Complex = Vec2<T>;                              // real and imaginary part
     using Lines = std::array<std::array<Complex, 2>, 2>;  // axis, line
     using Four = std::array<T, 4>;
     using Row = std::array<T, parameters>;
@@ -30,6 +31,7 @@ struct LockInModel {
     };
     struct Noise {
         T variance{}, precision{}, force{};  // of a measured position, its inverse; of a force, relative to it
+        T left_out{};                        // square of half a span's time: relative error by a change of K
         Four measured{};                     // variances of the statistics
         std::array<Vec2<T>, 4> columns{};    // root of the covariance of z: [e, ė] of x twice, then of y
     };
@@ -75,9 +77,11 @@ struct LockInModel {
         const T xy = nominal.damping.xy() + x[2], coupled = nominal.stiffness.xy() + x[5];
         std::array<Complex, 2> pull;
         if constexpr (line == 0) {
-            pull = {Complex{detuning.x() + x[4], w * (nominal.damping.xx() + x[1])}, Complex{coupled, w * (xy + twice)}};
+            pull = {Complex{detuning.x() + x[4], w * (nominal.damping.xx() + x[1])},
+                    Complex{coupled, w * (xy + twice)}};
         } else {
-            pull = {Complex{coupled, w * (xy - twice)}, Complex{detuning.y() + x[6], w * (nominal.damping.yy() + x[3])}};
+            pull = {Complex{coupled, w * (xy - twice)},
+                    Complex{detuning.y() + x[6], w * (nominal.damping.yy() + x[3])}};
         }
         const Lines& g = held[line];
         return {times(g[0][0], pull[0]) + times(g[0][1], pull[1]), times(g[1][0], pull[0]) + times(g[1][1], pull[1])};
@@ -132,6 +136,7 @@ struct LockInModel {
         c.noise.variance = joint.noise.variance;
         c.noise.precision = T(1.0) / joint.noise.variance;
         c.noise.force = joint.noise.force;
+        c.noise.left_out = T(0.25 * (n * h) * (n * h));
         for (std::size_t a = 0; a < 2; ++a) {
             const LockInDesign::Axis& axis = found.axes[a];
             for (std::size_t s = 0; s < 2; ++s) {

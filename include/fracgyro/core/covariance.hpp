@@ -103,8 +103,8 @@ struct FactoredCovariance {
     // with its f, finish. Columns and rows known to the compiler, integral constants, have no loop.
     struct Running {
         Gain found{};
-        T inverse{};          // of α
-        T own{}, slope{};     // g_j, -f_j/α_(j-1)
+        T inverse{};       // of α
+        T own{}, slope{};  // g_j, -f_j/α_(j-1)
     };
     static void begin(Running& running, T noise) {
         running = {.found = {.variance = noise}, .inverse = T(1.0) / noise};
