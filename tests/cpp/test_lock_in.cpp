@@ -272,7 +272,7 @@ TEST(LockIn, AnotherStiffnessIsNotTrustedUntilItIsLearned) {
     loop.change([](PlantModel<double>& plant) { plant.stiffness = 1.001 * plant.stiffness; });
     loop.run(160 * 30);
     EXPECT_FALSE(loop.trusted());
-    loop.run(160 * 1300);
+    loop.run(160 * 1500);
     EXPECT_TRUE(loop.trusted());
     EXPECT_NEAR(loop.report().stiffness.xx(), 1.001, 1e-6);
     EXPECT_LT(std::abs(loop.error()), 4.0 * loop.deviation());
