@@ -36,6 +36,7 @@ PAPER = fg.Scenario.paper()
 LINEAR_JOINT: dict[str, Any] = {"controller.kind": "linear", "adaptation.kind": "joint"}
 NOISY: dict[str, Any] = {"device.position_noise_density": 1e-13}
 INTERNAL_MODEL = NOISY | {"controller.kind": "internal_model"}
+LOCK_IN = NOISY | {"controller.kind": "lock_in", "device.sensing": "position", "controller.force_limit": 6000.0}
 FILTERED_PID = NOISY | {"controller.kind": "pid", "controller.filter": "kalman"}
 SCENARIOS: dict[str, dict[str, Any]] = {
     "paper, c = 0.6": {"controller.terminal_exponent": 0.6},
@@ -71,6 +72,8 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     "internal model, positions": INTERNAL_MODEL | {"device.sensing": "position"},
     "internal model, velocities too": INTERNAL_MODEL,
     "internal model, velocities too, force limit": INTERNAL_MODEL | {"controller.force_limit": 6000.0},
+    "lock-in": LOCK_IN,
+    "lock-in, samples checked": LOCK_IN | {"guard.checked": True},
     "PID, Kalman filter, positions": FILTERED_PID | {"device.sensing": "position"},
     "PID, Kalman filter, velocities too": FILTERED_PID,
 }
@@ -79,6 +82,7 @@ CHECKED: list[tuple[str, Number]] = [
     ("paper", "double"),
     ("16 exponentials, c = 0.6, force limit, samples checked", "float"),
     ("linear, joint, positions, divided by 8", "float"),
+    ("lock-in", "float"),
 ]
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
 
@@ -86,7 +90,7 @@ TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
 # adaptation 18 more, with joint adaptation 40 more, or 66 if velocities are measured; an internal model has two.
 CYCLES = {"Cortex-M4F": (1.0, 1.5), "Cortex-M7": (0.65, 1.1)}
 ROOTS, CYCLES_PER_ROOT = 9, 14
-ROOTS_OF = {"composite": 27, "joint, positions": 49, "joint, velocities": 75, "internal": 2, "PID": 0}
+ROOTS_OF = {"composite": 27, "joint, positions": 49, "joint, velocities": 75, "internal": 2, "lock-in": 3, "PID": 0}
 CLOCKS = {"168 MHz M4F": ("Cortex-M4F", 168), "480 MHz M7": ("Cortex-M7", 480), "1 GHz M7": ("Cortex-M7", 1000)}
 
 HEAD = """\
@@ -96,7 +100,7 @@ Counted by `python benchmarks/firmware.py`, compiled with the flags of the expor
 {tools}.
 
 These are **instructions, not cycles**, which QEMU does not know. Mean over 64 steps, two of which evaluate the
-reference again, after 9,600 steps, when what only the start needs is past where it ends; and the most that any step
+reference again, of lock-in over two spans, after 9,600 steps, when what only the start needs is past where it ends; and the most that any step
 took, those of the start and of a fault included. Bytes: coefficients and state; stack of a
 step; code and constants added to an image. c = 1/2 and no force limit where nothing is said.
 """

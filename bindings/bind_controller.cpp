@@ -172,11 +172,13 @@ void bind_controller(nb::module_& m) {
 
     m.attr("controller_kinds") = nb::cast(controller_kinds);
     m.attr("controller_meanings") = nb::cast(controller_meanings);
-    std::vector<std::string_view> driving;
+    std::vector<std::string_view> driving, driving_both;
     [&]<class... Entries>(std::type_identity<std::tuple<Entries...>>) {
         ((drives_a_sine<Entries> ? driving.push_back(Entries::kind) : void()), ...);
+        ((drives_sines<Entries> ? driving_both.push_back(Entries::kind) : void()), ...);
     }(std::type_identity<Registry>{});
     m.attr("sine_drives") = nb::cast(driving);
+    m.attr("two_sine_drives") = nb::cast(driving_both);
     m.def("fields_of_kind", &fields_of_kind, nb::arg("kind"),
           "Descriptions of the numbers of a run of this kind, in order.");
     m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");

@@ -38,7 +38,7 @@ _core.sampled_operator:
 _core.kernel$:
     def kernel(times: NDArray[Any], order: float) -> NDArray[numpy.float64]: ...
 
-_core.(controller_kinds|controller_meanings|plant_kinds|plant_meanings|sine_drives):
+_core.(controller_kinds|controller_meanings|plant_kinds|plant_meanings|sine_drives|two_sine_drives):
     \1: list[str]
 
 _core.plant_takes_rate:

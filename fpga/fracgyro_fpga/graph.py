@@ -204,6 +204,11 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
             "adaptation.kind is 'joint': it cannot be exported as hardware: counters in its state choose what is "
             "computed, which is not traced; choose another"
         )
+    if scenario.controller.kind == "lock_in":
+        raise ValueError(
+            "controller.kind is 'lock_in': it cannot be exported as hardware: counters in its state choose what is "
+            "computed, which is not traced; choose another"
+        )
     if number == "float":
         check_single(scenario)
     with tempfile.TemporaryDirectory() as folder:

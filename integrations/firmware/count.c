@@ -5,9 +5,12 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#ifndef FRACGYRO_COUNTED_STEPS
+#define FRACGYRO_COUNTED_STEPS 64
+#endif
 #define SYSTICK ((volatile uint32_t*)0xE000E010)
 /* One repeat for each instruction of a tick, so that counts are exact to the instruction. */
-enum { per_tick = 40, repeats = 40, period = 64, settled = 150 * period };
+enum { per_tick = 40, repeats = 40, period = FRACGYRO_COUNTED_STEPS, settled = 9600 };
 
 static fracgyro_state state, before;
 static fracgyro_vector force;
@@ -54,8 +57,8 @@ int main(void) {
     SYSTICK[2] = 0;
     SYSTICK[0] = 5;
     fracgyro_init(&state);
-    /* Counts the first 64 steps and 64 steps after the start-up; in each group two steps evaluate the reference again.
-       Prints the mean of the later group, and the maximum of all steps, including those after faults. */
+    /* Counts the first steps of a period, 64 unless the header has another, and those of one after the start-up; in 64
+       two steps evaluate the reference again. Prints the mean of the later group, and the maximum of all steps, including those after faults. */
     fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};
     for (uint32_t n = 0; n < settled + period; ++n) {
         total = n < settled ? 0 : total;

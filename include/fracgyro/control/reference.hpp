@@ -189,6 +189,11 @@ struct Reference {
         if (state.steps % exact_every == 0) {
             state.at = c.phases.at(state.steps);
         }
+        return follow(state, c);
+    }
+
+    // The same for sines whose pair is already that of this step.
+    static ReferencePoint<T> follow(State& state, const Coefficients& c) {
         const SineCosine2<T> at = state.at;
         const Vec2<T> position = c.amplitude * at.sine;
         state.at = at * c.turn;

@@ -8,6 +8,7 @@
 #include "fracgyro/controllers/integral_sliding.hpp"
 #include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/controllers/least_squares_pid.hpp"
+#include "fracgyro/controllers/lock_in.hpp"
 #include "fracgyro/controllers/lqg.hpp"
 #include "fracgyro/controllers/mode_reversal.hpp"
 #include "fracgyro/controllers/network.hpp"
@@ -70,6 +71,7 @@ using Registry = std::tuple<
     Entry<"lqg", One<Lqg>, "linear-quadratic feedback on a joint Kalman filter">,
     Entry<"internal_model", One<InternalModel>,
           "oscillators at the reference's frequencies in a constant Kalman filter">,
+    Entry<"lock_in", One<LockIn>, "demodulation each step, a joint Kalman filter once in many">,
     Entry<"open_loop", One<OpenLoop>, "conventional gyroscope, sense axis free">,
     Entry<"force_rebalance", One<ForceRebalance>, "conventional gyroscope, sense axis held at rest">,
     Entry<"whole_angle", One<WholeAngle>, "whole-angle gyroscope, a vibration that is free to turn">,
@@ -117,6 +119,12 @@ inline constexpr auto controller_meanings = detail::Listed<Registry>::meanings;
 template <class Entry>
 inline constexpr bool drives_a_sine = []<class... Types>(List<Types...>) {
     return (requires { Types::drives_a_sine; } || ...);
+}(typename Entry::Type::template Types<double>{});
+
+// True if the controllers of this line need a sine as the reference of both axes.
+template <class Entry>
+inline constexpr bool drives_sines = []<class... Types>(List<Types...>) {
+    return (requires { Types::drives_sines; } || ...);
 }(typename Entry::Type::template Types<double>{});
 
 // Calls visit(params, family) with the alternative held, and the family of its line in the registry.

@@ -3,7 +3,7 @@
 // single precision. No square roots.
 #pragma once
 
-#include "fracgyro/core/scalar.hpp"
+#include "fracgyro/core/unrolled.hpp"
 
 #include <array>
 
@@ -61,54 +61,94 @@ struct FactoredCovariance {
 
     // Adds `variance` >= 0 to P_ii only (Agee and Turner; Bierman, ch. III).
     static void add(State& state, std::size_t i, T variance) {
-        Vector a{};
-        a[i] = T(1.0);
-        T c = variance;
+        Added added{.left = variance};
+        added.share[i] = T(1.0);
         for (std::size_t j = i; j > 0; --j) {
-            const std::size_t begin = column(j);
-            const T before = state.d_factor[j];
-            const T weight = c * a[j];
-            const T d = maximum(before + weight * a[j], T(vanishing));
-            const T share = weight / d;
-            for (std::size_t k = 0; k < j; ++k) {
-                T& u = state.u_factor[begin + k];
-                a[k] = a[k] - a[j] * u;
-                u = u + share * a[k];
-            }
-            c = c * (before / d);
-            state.d_factor[j] = d;
+            add_column(state, added, j);
         }
-        state.d_factor[0] = state.d_factor[0] + c * (a[0] * a[0]);
+        add_first(state, added);
+    }
+    // The same in parts: columns i to 1, then the first. `share` is 1 for i and 0 for those before.
+    struct Added {
+        Vector share{};
+        T left{};
+    };
+    template <class Index>
+    static void add_column(State& state, Added& added, Index j) {
+        T* const u = &state.u_factor[column(j)];
+        const T before = state.d_factor[j], own = added.share[j];
+        const T weight = added.left * own;
+        const T d = maximum(before + weight * own, T(vanishing));
+        const T share = weight / d;
+        const auto entry = [&](std::size_t k) {
+            T& a = added.share[k];
+            a = a - own * u[k];
+            u[k] = u[k] + share * a;
+        };
+        if constexpr (requires { Index::value; }) {
+            unrolled<0, Index::value>(entry);
+        } else {
+            for (std::size_t k = 0; k < j; ++k) {
+                entry(k);
+            }
+        }
+        added.left = added.left * (before / d);
+        state.d_factor[j] = d;
+    }
+    static void add_first(State& state, const Added& added) {
+        state.d_factor[0] = state.d_factor[0] + added.left * (added.share[0] * added.share[0]);
+    }
+
+    // The same measurement in parts, for a filter that divides its work among steps: begin, absorb each column in turn
+    // with its f, finish. Columns and rows known to the compiler, integral constants, have no loop.
+    struct Running {
+        Gain found{};
+        T inverse{};       // of α
+        T own{}, slope{};  // g_j, -f_j/α_(j-1)
+    };
+    static void begin(Running& running, T noise) {
+        running = {.found = {.variance = noise}, .inverse = T(1.0) / noise};
+    }
+    static void open_column(const State& state, Running& running, std::size_t j, T f) {
+        running.own = state.d_factor[j] * f;
+        running.slope = -(f * running.inverse);
+    }
+    static void absorb_row(State& state, Running& running, std::size_t j, std::size_t k) {
+        T& u = state.u_factor[column(j) + k];
+        T& gain = running.found.move[k];
+        const T old = u;
+        u = old + running.slope * gain;
+        gain = gain + old * running.own;
+    }
+    static void close_column(State& state, Running& running, std::size_t j, T f) {
+        running.found.move[j] = running.own;
+        const T before = running.found.variance;
+        running.found.variance = before + f * running.own;
+        running.inverse = T(1.0) / running.found.variance;
+        state.d_factor[j] = state.d_factor[j] * (before * running.inverse);
+    }
+    static void finish(Running& running) {
+        for (T& k : running.found.move) {
+            k = running.inverse * k;
+        }
     }
 
 private:
     // f(j, column j of U); 0 below `first`.
     template <class F>
     static Gain measured(State& state, T noise, std::size_t first, F&& row) {
-        Gain found{};
-        Vector& gain = found.move;
-        T alpha = noise, inverse = T(1.0) / noise;
+        Running running;
+        begin(running, noise);
         for (std::size_t j = first; j < Count; ++j) {
-            T* const u = &state.u_factor[column(j)];
-            const T f = row(j, u);
-            const T g = state.d_factor[j] * f;
-            const T slope = -(f * inverse);
+            const T f = row(j, &state.u_factor[column(j)]);
+            open_column(state, running, j, f);
             for (std::size_t k = 0; k < j; ++k) {
-                const T old = u[k];
-                u[k] = old + slope * gain[k];
-                gain[k] = gain[k] + old * g;
+                absorb_row(state, running, j, k);
             }
-            gain[j] = g;
-            const T before = alpha;
-            alpha = before + f * g;
-            inverse = T(1.0) / alpha;
-            state.d_factor[j] = state.d_factor[j] * (before * inverse);
+            close_column(state, running, j, f);
         }
-        for (T& k : gain) {
-            k = inverse * k;
-        }
-        found.variance = alpha;
-        return found;
+        finish(running);
+        return running.found;
     }
 };
 

@@ -93,6 +93,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         *_report(channels),
         "",
         f"#define FRACGYRO_VELOCITY_SENSED {velocity} /* {meaning} */",
+        *_counted(scenario),
         "",
         "/* Stiffness of the assumed plant: xx, xy, yy, nondimensional. */",
         f"#define FRACGYRO_NOMINAL_STIFFNESS {list_text(stiffness, number)}",
@@ -125,6 +126,13 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "#endif",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _counted(scenario: Scenario) -> list[str]:
+    """The steps that `make count` counts, where the work of 64 differs from that of the next: two whole spans."""
+    if scenario.controller.kind != "lock_in":
+        return []
+    return [f"#define FRACGYRO_COUNTED_STEPS {2 * scenario.controller.span} /* `make count`: two spans */"]
 
 
 def _report(channels: tuple[Channel, ...]) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError, create_model
 
 from .disturbance import named_entries
-from .kinds import OF_FILTER, SINE_DRIVES, fields_of_its_kind, filtered_types, kinds_with, numbers
+from .kinds import OF_FILTER, SINE_DRIVES, TWO_SINE_DRIVES, fields_of_its_kind, filtered_types, kinds_with, numbers
 from .messages import scenario_error
 from .plants import check_kind
 from .printing import BY_KIND, fields_of_table, having, own_fields
@@ -92,6 +92,23 @@ def _check_reference(scenario: Any) -> None:
             f"reference.kind is {format_value(scenario.reference.kind)}: for controller.kind {kind}, which drives x at "
             "its frequency, it must be a sine on x, without an offset"
         )
+    if kind in TWO_SINE_DRIVES:
+        _check_two_sines(scenario, kind)
+
+
+def _check_two_sines(scenario: Any, kind: str) -> None:
+    reference = scenario.reference
+    if reference.kinds != ("sine", "sine") or any(reference.offset):
+        raise message_error(
+            f"reference.kind is {format_value(reference.kind)}: for controller.kind {kind}, which demodulates both "
+            "axes, it must be a sine on each, without an offset"
+        )
+    for field in ("amplitude", "frequency"):
+        if 0.0 in getattr(reference, field):
+            raise message_error(
+                f"reference.{field} is {format_value(getattr(reference, field))}: for controller.kind {kind} both "
+                "numbers must be other than 0"
+            )
 
 
 def _check_whole_steps(name: str, time: float, least: int, step: float, after: str = "") -> None:

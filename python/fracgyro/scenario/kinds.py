@@ -18,6 +18,7 @@ from .table import as_tuple, choice_pair, field, without_default
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
 SINE_DRIVES: tuple[str, ...] = tuple(_core.sine_drives)  # kinds that drive x at the frequency of a sine
+TWO_SINE_DRIVES: tuple[str, ...] = tuple(_core.two_sine_drives)  # kinds that drive both axes so
 PLANT_KINDS: tuple[str, ...] = tuple(_core.plant_kinds)
 PLANT_MEANINGS: tuple[str, ...] = tuple(_core.plant_meanings)
 
