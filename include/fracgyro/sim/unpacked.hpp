@@ -19,6 +19,7 @@ struct Unpacked {
     friend constexpr Unpacked operator*(Unpacked a, Unpacked b) { return of(a.value * b.value); }
     friend constexpr Unpacked operator/(Unpacked a, Unpacked b) { return of(a.value / b.value); }
     friend constexpr Unpacked operator-(Unpacked a) { return of(-a.value); }
+    friend Unpacked square_root(Unpacked a) { return of(fracgyro::square_root(a.value)); }
     friend constexpr bool operator<(Unpacked a, Unpacked b) { return a.value < b.value; }
 
 private:
