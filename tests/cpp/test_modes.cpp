@@ -250,6 +250,25 @@ TEST(ModeReversal, TakesTheDampersBiasAwayAsFarAsTheGainsAreEqual) {
     EXPECT_NEAR(reversed({0.0, 0.01}, {0.0, -0.004}).rate, 0.007, 1e-4);
 }
 
+// 53 Hz apart: each axis gets back the frequency that was found for it.
+TEST(ModeReversal, KeepsTheFrequencyOfEachAxis) {
+    using C = ModeReversal<double>;
+    const auto s = setup_of({}, reversal(2400.0, 1500.0));
+    const auto c = C::prepare(s.controller, s.common);
+    const auto plant = Gyroscope<double>::prepare(s.plant, h);
+    C::State state{};
+    auto motion = Gyroscope<double>::start(s.plant);
+    const auto run_to = [&](std::uint64_t step) {
+        while (C::steps(state) < step) {
+            Gyroscope<double>::step(motion, plant, C::step(state, c, motion).force, {});
+        }
+        return state.held.loop.detuning;
+    };
+    EXPECT_NEAR(run_to(48'000), 0.0, 1e-4);
+    EXPECT_NEAR(run_to(96'000), 0.0135, 1e-4);
+    EXPECT_NEAR(run_to(96'001), 0.0, 1e-4);
+    EXPECT_NEAR(run_to(144'001), 0.0135, 1e-4);
+}
 // Swung by 90° in .9 s, as a disc that rings for a minute cannot be stopped: the bias is p sin 2ϑ_τ, 91.5 deg/h.
 TEST(ModeReversal, SwingsAVibrationThatCannotBeStopped) {
     const double rate = 10.0 * deg_s, bias = drift * std::sin(2.0 * damping_axis),
