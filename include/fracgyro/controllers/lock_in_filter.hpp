@@ -546,10 +546,10 @@ private:
         const std::array<T, 2> spring{x[4 + axis], x[5 + axis]};
         const std::array<T, 2> damper{axis == 0 ? x[1] : x[2] + twice, axis == 0 ? x[2] - twice : x[3]};
         unrolled<0, 2>([&](auto b) {
-            const auto& [by_spring, by_damper] = c.change[axis][b];
+            const auto& change = c.change[axis][b];  // by spring, by damper
             unrolled<0, 4>([&](auto k) {
                 const std::size_t i = axis + 2 * (k / 2), j = b + 2 * (k % 2);
-                state.map[i][j] = c.map[i][j] + (spring[b] * by_spring[k] + damper[b] * by_damper[k]);
+                state.map[i][j] = c.map[i][j] + (spring[b] * change[0][k] + damper[b] * change[1][k]);
             });
         });
     }
@@ -571,7 +571,8 @@ private:
         Four next = state.scratch.ahead;
         unrolled<0, motions>([&](auto k) {
             constexpr std::size_t a = k % 2, i = k / 2;
-            const auto &x = state.response[a], &lack = state.force.lack[a];
+            const auto& x = state.response[a];
+            const auto& lack = state.force.lack[a];
             next[k] = next[k] + (imaginary(x[0][i], lack[0]) + imaginary(x[1][i], lack[1]));
         });
         return next;

@@ -128,7 +128,9 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
         "lag": lag(scenario) / scenario.plant.scales.time,
         **_drifts(scenario),
     }
-    return assumed.model_copy(update={name: value for name, value in values.items() if getattr(assumed, name) is None})
+    # A core without a law that needs a field has none.
+    unset = {name: value for name, value in values.items() if getattr(assumed, name, value) is None}
+    return assumed.model_copy(update=unset)
 
 
 def _told(scenario: Scenario) -> bool:
