@@ -51,7 +51,7 @@ def linger(inside: str) -> None:
     Journal.keep = stop  # type: ignore[method-assign]
 
 
-# What is left to it is that both together work: the next test has the database, test_sweep.py workers that are killed.
+# The next test covers the database, test_sweep.py workers that are killed: this one, both together.
 @pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:distributed", "ignore::ResourceWarning")
 def test_a_tuning_whose_worker_is_killed_goes_on_from_the_trials_in_the_database(tmp_path: Path) -> None:

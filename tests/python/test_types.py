@@ -10,7 +10,7 @@ from types import ModuleType
 from fracgyro import _core
 
 STUB = Path(_core.__file__).with_name("_core.pyi")
-OF_TUPLES = {"n_fields", "n_sequence_fields", "n_unnamed_fields"}  # of every tuple with names that is written in C
+OF_TUPLES = {"n_fields", "n_sequence_fields", "n_unnamed_fields"}  # names that every named tuple from C has
 
 
 def typed(body: Sequence[ast.stmt], inside: str = "") -> Iterator[str]:
