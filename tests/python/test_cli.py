@@ -131,7 +131,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["export", "firmwar"], "firmwar is not a command; did you mean firmware?"),
         (["export", "rocket"], "rocket is not a command; known are firmware, fmu, "),
         (["scenario", "dual_mas"], "nor a file; did you mean dual_mass?"),
-        (["simulate", "--set", "controller.kind=pdi"], "or force_rebalance; did you mean pid?"),
+        (["simulate", "--set", "controller.kind=pdi"], "or mode_reversal; did you mean pid?"),
         (["simulate", "--set", "adaptation.kind=compsite"], "or joint; did you mean composite?"),
         (
             ["simulate", "--set", "controller.ordr=.8"],
