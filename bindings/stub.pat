@@ -59,6 +59,14 @@ _core.device_fields:
     def device_fields() -> list[dict[str, Any]]:
         \doc
 
+_core.electronics_fields:
+    def electronics_fields() -> list[dict[str, Any]]:
+        \doc
+
+_core.electrode_fields:
+    def electrode_fields() -> list[dict[str, Any]]:
+        \doc
+
 _core.term_fields:
     def term_fields() -> list[dict[str, Any]]:
         \doc
