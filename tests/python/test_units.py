@@ -219,7 +219,7 @@ def test_a_unit_is_a_product_of_powers() -> None:
 # -- Text with units -----------------------------------------------------------------------------------------
 
 FIELDS = {path: info for path, info in leaves(fg.Scenario).items() if isinstance(info.json_schema_extra, dict)}
-WHOLE = {"adaptation.covariance_steps", "datasheet.delay", "device.delay"}  # counts of steps
+WHOLE = {"adaptation.covariance_steps", "controller.span", "datasheet.delay", "device.delay"}  # counts of steps
 DEVICES = [fg.Scenario.paper(), *map(fg.Scenario.shipped, SHIPPED)]
 
 
@@ -253,6 +253,27 @@ NEEDS: dict[str, dict[str, Any]] = {
     "rate.hold": {"rate.kind": "staircase", "rate.amplitude": 1.0},
 }
 
+COMB = {"kind": "comb", "count": 200, "gap": 2e-6, "overlap": 2e-5, "thickness": 6e-5, "bias": 5.0}
+IN_VOLTS: dict[str, Any] = {
+    "device.sensing": "position",
+    "electrodes": [{"role": role, "angle": a, **COMB} for role in ("force", "pickoff") for a in (0.0, math.pi / 2)],
+}
+AMPLIFIED = {**IN_VOLTS, "electronics.amplifier": "charge", "electronics.feedback_resistance": 1e7}
+CARRIER = {**IN_VOLTS, "electronics.carrier_frequency": 1e6, "electronics.carrier_voltage": 1.0}
+NEEDS |= {
+    "electronics.feedback_resistance": AMPLIFIED,
+    "electronics.feedback_capacitance": {**AMPLIFIED, "electronics.feedback_capacitance": 1e-12},
+    "electronics.input_capacitance": {**AMPLIFIED, "electronics.input_capacitance": 4e-12},
+    "electronics.voltage_noise": {**AMPLIFIED, "electronics.voltage_noise": 5e-9},
+    "electronics.current_noise": {**AMPLIFIED, "electronics.current_noise": 1e-15},
+    "electronics.pole": {**IN_VOLTS, "electronics.pole": (1e6, 2e6)},
+    "electronics.carrier_frequency": CARRIER,
+    "electronics.carrier_voltage": CARRIER,
+    **{
+        f"electronics.{name}": {**IN_VOLTS, f"electronics.{name}": 1e-9}
+        for name in ("sample_delay", "update_delay", "aperture", "jitter")
+    },
+}
 
 LISTS = {"disturbance.psd", "disturbance.band"}
 

@@ -55,10 +55,10 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
     cubic = scales.length * scales.length / scales.stiffness
     volts = {"amplifier_noise": (0.0, 0.0), "drive_limit": (math.inf, math.inf), "drive_step": (0.0, 0.0)}
     if has_volts(scenario):
-        volts["amplifier_noise"] = tuple(to_deviation * at_bias(scenario).noise / scales.length)
-        most, steps = drive(scenario)
-        volts["drive_limit"] = tuple(force / scales.force for force in most)
-        volts["drive_step"] = tuple(force / scales.force for force in steps)
+        (noise_x, noise_y), (most, steps) = at_bias(scenario).noise, drive(scenario)
+        volts["amplifier_noise"] = (to_deviation * noise_x / scales.length, to_deviation * noise_y / scales.length)
+        volts["drive_limit"] = (most[0] / scales.force, most[1] / scales.force)
+        volts["drive_step"] = (steps[0] / scales.force, steps[1] / scales.force)
     return (
         dict(vars(d))
         | volts

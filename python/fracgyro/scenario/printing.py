@@ -45,7 +45,7 @@ def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
     tables = dict(scenario)
     for name, shown_fields in fields_shown(scenario).items():
         table, fields = tables[name], shown_fields
-        entries = table.entries if isinstance(table, Disturbance) else (table,)
+        entries: tuple[Any, ...] = table.entries if isinstance(table, Disturbance) else (table,)
         head = f"[{name}]" if len(entries) == 1 else f"[[{name}]]"
         if isinstance(table, Electrodes):
             entries, head, fields = table.each, f"[[{name}]]", tuple(Electrode.model_fields)

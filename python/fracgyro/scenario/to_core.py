@@ -215,7 +215,7 @@ def _force_tolerance(scenario: Scenario, found: Derived) -> float:
     reach = float(min(device["actuator_limit"], *device["drive_limit"]))
     clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device["delay"] or scenario.electronics.update_delay else 0.0
-    converter = _resolution(device, "actuator") + max(device["drive_step"])
+    converter = _resolution(device, "actuator") + float(max(device["drive_step"]))
     return min(1e9, MIN_TOLERANCE + largest_force(scenario) + converter + clipped + late)
 
 
