@@ -426,7 +426,7 @@ def test_bad_toml_is_answered_with_one_sentence(text: str, sentence: str) -> Non
 @pytest.mark.parametrize("path", sorted(paths(Scenario)))
 def test_no_field_takes_a_string_a_date_or_nan(path: str) -> None:
     for value in ("1.0", math.nan, tomllib.loads("x = 1979-05-27")["x"]):
-        assert refusal({path: value}).startswith(path)
+        assert refusal({path: value}).startswith(path.removesuffix(".each"))
 
 
 def test_a_scenario_built_in_python_is_refused_with_the_same_sentence() -> None:
@@ -495,7 +495,7 @@ def test_the_paper_survives_toml(variant: Any) -> None:
 def test_the_text_is_complete_commented_and_fits_the_line() -> None:
     lines = PAPER.to_toml().splitlines()
     tables = tomllib.loads(PAPER.to_toml())
-    assert list(tables) == list(Scenario.model_fields)
+    assert [*tables, "electrodes"] == sorted(Scenario.model_fields, key=lambda name: name == "electrodes")  # of none
     assert max(map(len, lines)) <= 110
     for name, info in Scenario.model_fields.items():
         table = info.annotation
