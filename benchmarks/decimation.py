@@ -20,7 +20,7 @@ from scipy.linalg import expm
 DEPENDS_ON: list[str] = []
 
 DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
-SPANS = [8, 32, 64, 128, 256]
+SPANS = [16, 32, 64, 128, 256]
 NOISES = [0.0, 1e-14]  # m/sqrt(Hz); the shipped devices have 1e-13
 DESIGNS = {
     "mean": "mean of the positions",

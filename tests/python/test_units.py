@@ -219,7 +219,7 @@ def test_a_unit_is_a_product_of_powers() -> None:
 # -- Text with units -----------------------------------------------------------------------------------------
 
 FIELDS = {path: info for path, info in leaves(fg.Scenario).items() if isinstance(info.json_schema_extra, dict)}
-WHOLE = {"adaptation.covariance_steps", "datasheet.delay", "device.delay"}  # counts of steps
+WHOLE = {"adaptation.covariance_steps", "controller.span", "datasheet.delay", "device.delay"}  # counts of steps
 DEVICES = [fg.Scenario.paper(), *map(fg.Scenario.shipped, SHIPPED)]
 
 
