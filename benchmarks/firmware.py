@@ -100,8 +100,8 @@ Counted by `python benchmarks/firmware.py`, compiled with the flags of the expor
 {tools}.
 
 These are **instructions, not cycles**, which QEMU does not know. Mean over 64 steps, two of which evaluate the
-reference again, of lock-in over two spans, after 9,600 steps, when what only the start needs is past where it ends; and the most that any step
-took, those of the start and of a fault included. Bytes: coefficients and state; stack of a
+reference again, of lock-in over two spans, after 9,600 steps, when what only the start needs is past where it ends;
+and the most that any step took, those of the start and of a fault included. Bytes: coefficients and state; stack of a
 step; code and constants added to an image. c = 1/2 and no force limit where nothing is said.
 """
 

@@ -58,7 +58,8 @@ int main(void) {
     SYSTICK[0] = 5;
     fracgyro_init(&state);
     /* Counts the first steps of a period, 64 unless the header has another, and those of one after the start-up; in 64
-       two steps evaluate the reference again. Prints the mean of the later group, and the maximum of all steps, including those after faults. */
+       two steps evaluate the reference again. Prints the mean of the later group, and
+       the maximum of all steps, including those after faults. */
     fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};
     for (uint32_t n = 0; n < settled + period; ++n) {
         total = n < settled ? 0 : total;

@@ -304,7 +304,7 @@ TEST(LockIn, AStateWithAnIndexBeyondItsTasksIsNotSound) {
     EXPECT_FALSE(LockIn<double>::sound(wrong, loop.c));
 }
 
-// What the law costs is fixed at compile time: every span has room for all its tasks, from any step on.
+// Every span has room for all its tasks, from any step on.
 TEST(LockIn, EveryForceIsDesignedBeforeItsSpanBegins) {
     for (const int first : {0, 1, 7, 29, 30, 31}) {
         Loop<double> loop(Case{});

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from fracgyro import Scenario
 from fracgyro.scenario.to_core import datasheet
-from scipy.linalg import expm
 from smooth_feedback_oracle import AXES, held
 
 RATE = 4  # after z = [ex, ey, ex', ey'] come Omega_z, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy and the drift of K
@@ -49,7 +48,7 @@ class LockIn:
         along = self.along()
         self.acting = np.array([self.limited(w, a) for a, w in enumerate(along)])
         self.designed = self.acting.copy()
-        self.coming = self.acting.copy()  # as asked for, while `designed` is as it acts
+        self.coming = self.acting.copy()  # the requested force; `designed` is the acting one
         self.steps, self.spans = 0, 0
         self.trusted, self.deviation = 0.0, 0.0
 
@@ -115,9 +114,7 @@ class LockIn:
 
         def information(on: int, of: int, w: float) -> float:
             lines = [self.frequency[of] + w, self.frequency[of] - w]
-            noise = [
-                force * h + ((k[on, on] - f**2) ** 2 + (d[on, on] * f) ** 2) * self.unit * h for f in lines
-            ]
+            noise = [force * h + ((k[on, on] - f**2) ** 2 + (d[on, on] * f) ** 2) * self.unit * h for f in lines]
             return float(self.amplitude[of] ** 2 / 4 * sum(1 / each for each in noise))
 
         self.drift = np.zeros(8)
@@ -199,7 +196,7 @@ class LockIn:
         return self.map @ z + forced[:, :2].T.ravel()
 
     def sensitivity(self) -> np.ndarray:
-        """Of [e, e', numbers] of each axis to theta: (axis, four, 8)."""
+        """Sensitivity of [e, e', numbers] of each axis to theta: (axis, four, 8)."""
         found = np.zeros((AXES, 4, 8))
         for a in range(AXES):
             for b in range(AXES):
@@ -224,7 +221,7 @@ class LockIn:
             product = unknown * (innovation**2 + motion) + moved_by * motion
             variance = row @ self.p @ row + self.r[i] + product
             u, _ = factors(self.p)
-            g = row @ u[:, RATE]  # to Omega_z, of what is not explained by the parameters after it
+            g = row @ u[:, RATE]  # sensitivity to Omega_z beyond that to the parameters after it
             inside = innovation**2 < FAR**2 * (variance + self.lag * g**2)
             far |= not inside
             if not inside and self.beyond < 3:

@@ -92,7 +92,10 @@ def test_a_drift_of_the_stiffness_that_is_stated_does_not_bias_the_rate() -> Non
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"reference.kind": "rest"}, r"reference\.kind is \"rest\": for controller\.kind lock_in, which demodulates both"),
+        (
+            {"reference.kind": "rest"},
+            r"reference\.kind is \"rest\": for controller\.kind lock_in, which demodulates both",
+        ),
         ({"reference.offset": (0.0, 0.1)}, r"reference\.kind is \"sine\": for controller\.kind lock_in"),
         ({"reference.amplitude": (1.0, 0.0)}, r"reference\.amplitude is \[1\.0, 0\.0\]: for controller\.kind lock_in"),
         ({"reference.frequency": (0.0, 1.0)}, r"reference\.frequency is \[0\.0, 1\.0\]: for controller\.kind lock_in"),

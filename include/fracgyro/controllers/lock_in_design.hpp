@@ -60,7 +60,7 @@ struct LockInDesign {
         std::array<Matrix<2>, 256> before{};            // map of z over the first j + ½ steps
     };
     std::array<Axis, 2> axes{};
-    Matrix<4> map{};  // of z over the span, with coupling
+    Matrix<4> map{};  // map of z over the span, with coupling
     // Change of the map by a force on `axis` from e or ė of axis `of`.
     std::array<std::array<std::array<Matrix<2>, 2>, 2>, 2> change{};
     // Held forces on x and y that act as a continuous force Im(e^(iωt)) on x or y does, for both lines.

@@ -1,4 +1,4 @@
-// The filter of the lock-in (lock_in.hpp): what is computed once in a span, in tasks of at most some hundred
+// The filter of the lock-in (lock_in.hpp): the work of a span, in tasks of at most some hundred
 // instructions. All loops are written out (core/unrolled.hpp).
 #pragma once
 
@@ -25,10 +25,10 @@ struct LockInFilter {
         Kept<T, bool> seen = true;  // every sample was measured
     };
     struct Forces {
-        Lines acted{}, acting{}, designed{};  // of the last span, of this one, and of the next
+        Lines acted{}, acting{}, designed{};  // last span, this one, and the next
         Lines along{};                        // the force that keeps the estimated plant on the reference
         Lines lack{};                         // the force in the span of X, less that
-        typename Model::Modulation coming{};  // of the next span
+        typename Model::Modulation coming{};  // next span
     };
     struct Agreement {
         T squares = T(1.0), along{}, sensitivity{};  // means of ν²/S, ν g/S, g²/S
@@ -36,13 +36,13 @@ struct LockInFilter {
         T beyond{};                // spans with refused numbers in a row
         T lasting{}, age{};        // spans that were too far off, less others; spans since the start
         T far{}, refused{};        // 1: a number of this span is refused; of the last one
-        std::array<T, 3> sum{};    // of this span, for the means
+        std::array<T, 3> sum{};    // sums of this span, for the means
         T lag{};                   // variance of Ω̂z by a rate that moves
-        T deviation{}, trusted{};  // of Ω̂z
+        T deviation{}, trusted{};  // standard deviation of Ω̂z; 1: trusted
     };
     // Numbers between tasks.
     struct Scratch {
-        std::array<T, 7> row{};  // of active components
+        std::array<T, 7> row{};  // coefficients of the active components
         std::array<T, size> f{}, moved{};
         T alpha{}, innovation{}, product{};
         T unknown{},
@@ -488,7 +488,7 @@ private:
     static void state_deviation(State& state, const Model& c) {
         Agreement& a = state.agreement;
         const Scratch& w = state.scratch;
-        constexpr double chance = 0.5 / (4.0 * window);  // what noise explains
+        constexpr double chance = 0.5 / (4.0 * window);  // share that noise explains
         const T rest = maximum(a.squares - T(max_excess), T(0.0));
         const T lag = maximum(a.now - T(16.0 * chance), a.explained - T(3.0 * chance)), per_rate = T(4.0) * w.inverse;
         a.lag = per_rate * maximum(lag, T(0.0));

@@ -27,10 +27,10 @@ struct LockInModel {
     struct Turns {
         SineCosine2<T> half{}, middle{}, over{};  // by half a step, to the middle of a span, by a span
         SineCosine2<T> begin{};                   // sines of the first step
-        std::array<Complex, 2> lead{};            // of a line, by the delay and half a step
+        std::array<Complex, 2> lead{};            // turn by the delay and half a step, by line
     };
     struct Noise {
-        T variance{}, precision{}, force{};  // of a measured position, its inverse; of a force, relative to it
+        T variance{}, precision{}, force{};  // variance of a measured position, its inverse; that of a force over it
         T left_out{};                        // square of half a span's time: relative error by a change of K
         Four measured{};                     // variances of the statistics
         std::array<Vec2<T>, 4> columns{};    // root of the covariance of z: [e, ė] of x twice, then of y
@@ -38,7 +38,7 @@ struct LockInModel {
     struct Prior {
         Four motion{};
         Row plant{}, inverse{}, drift{};  // variances, their inverses, what a span adds
-        std::array<T, 3> ramp{};          // of K over a span, for a relative drift of 1
+        std::array<T, 3> ramp{};          // change of K over a span, for a relative drift of 1
     };
     // Force P r + Q ṙ, by columns.
     struct Modulation {
@@ -48,7 +48,7 @@ struct LockInModel {
         typename Saturation<T>::Coefficients saturation{};
         Vec2<T> feedback{};
         T highest{}, late{};  // the limit, less rounding; share of the last span in a late force
-        Lines first{};        // of the first spans
+        Lines first{};        // forces of the first spans
         Modulation first_modulation{};
         bool is_late = false;
     };
@@ -59,7 +59,7 @@ struct LockInModel {
     Scales scales{};
     Turns turns{};
     std::array<Four, motions> map{};                                  // A
-    std::array<std::array<std::array<Four, 2>, 2>, 2> change{};       // of the map: axis, other, e or ė
+    std::array<std::array<std::array<Four, 2>, 2>, 2> change{};       // change of A: axis, other, e or ė
     std::array<std::array<T, 2>, numbers> measured{};                 // H
     std::array<std::array<std::array<Complex, 4>, 2>, 2> response{};  // R a: axis, line
     std::array<Lines, 2> held{};                                      // G: line, to, from

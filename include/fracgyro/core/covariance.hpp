@@ -103,7 +103,7 @@ struct FactoredCovariance {
     // with its f, finish. Columns and rows known to the compiler, integral constants, have no loop.
     struct Running {
         Gain found{};
-        T inverse{};       // of α
+        T inverse{};       // 1/α
         T own{}, slope{};  // g_j, -f_j/α_(j-1)
     };
     static void begin(Running& running, T noise) {
