@@ -1,7 +1,7 @@
-// Lock-in: positions are demodulated each step, a Kalman filter computes once in n steps, and the force is modulated.
+// Lock-in: demodulates positions each step; a Kalman filter computes once in n steps.
 //
-// Use it when a microcontroller must estimate the rate from positions: it finds motion, D, K and Ωz as the joint filter
-// does, with a thirtieth of the work. The reference must be a sine on each axis, near its resonance.
+// Use it when a microcontroller must estimate the rate from positions: a thirtieth of the joint filter's work. The
+// reference is a sine on each axis.
 //
 //    Each step, with the reference r and n steps in a span:
 //
