@@ -197,6 +197,10 @@ def test_the_joint_filter_is_refused_before_anything_is_compiled(monkeypatch: py
     monkeypatch.setitem(trace.__globals__, "compiled_for", lambda *words: pytest.fail("it was compiled"))
     with pytest.raises(ValueError, match=r"^adaptation\.kind is 'joint': it cannot be exported as hardware: counters"):
         trace(SHORT.replace({"adaptation.kind": "joint"}))
+    with pytest.raises(
+        ValueError, match=r"^controller\.kind is 'lock_in': it cannot be exported as hardware: counters"
+    ):
+        trace(SHORT.replace({"controller.kind": "lock_in"}))
 
 
 def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from ..scenario.to_core import core_setup
 from .compilers import SOURCES
 
 MEASURED = "integrations/firmware/measured.md"
-PROCESSORS = ["a Cortex-M4F at 168 MHz", "a Cortex-M7 at 480 MHz", "a Cortex-M7 at 1 GHz"]  # columns of times
+PROCESSORS = ["a Cortex-M4F at 168 MHz", "a Cortex-M7 at 480 MHz", "a Cortex-M7 at 1 GHz"]  # columns
 FASTEST = PROCESSORS[-1]
 
 
