@@ -371,7 +371,7 @@ class Line:
         c, h = self.c, self.h
         p = np.exp(1j * self.angle)
         along, across = np.array([p.real, p.imag]), np.array([-p.imag, p.real])
-        self.report(along @ self.z)
+        self.note(along @ self.z)
         turn = np.exp(1j * self.theta)
         missed = np.array(s.position) - (self.z * turn).real
         self.z = self.z + 2 * c.demodulation_bandwidth * h * missed / turn
@@ -400,7 +400,7 @@ class Line:
             self.reverse(wanted_rate, (wanted_rate + rate) * h / (2 * np.pi))
         return np.asarray(force)
 
-    def report(self, u: complex) -> None:
+    def note(self, u: complex) -> None:
         turned = (self.angle + np.pi) % (2 * np.pi) - np.pi
         rate = self.mean if self.ways == 3 else self.out[0]
         found = {"rate_estimate": rate, "quadrature": self.out[1], "decay_rate": self.out[2]}

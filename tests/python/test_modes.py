@@ -51,7 +51,7 @@ def test_a_mode_is_its_transcription_in_complex_numbers(name: str) -> None:
     if "virtual" in name:
         assert len(np.unique(found["virtual_rate_error"])) > 2
     if "reversal" in name:
-        assert len(np.unique(found["reversed_bias"])) > 2
+        assert len(np.unique(found["reversed_bias"])) > 1
 
 
 def test_the_example_turns_with_the_case_and_reports_rate_and_decay() -> None:
