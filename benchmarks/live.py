@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 from fracgyro.export.live import FACE, bundled, packed, write_page
-from fracgyro.export.web import build
 from machine import machine, write
 from PIL import Image
 
@@ -73,8 +72,7 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as name, chromium() as browser:
         folder = Path(name)
-        build(folder)
-        write_page(folder / "live", folder / "fracgyro.wasm")
+        write_page(folder / "live")
         with served(folder / "live") as address:
             if options.pictures:
                 draw_presets(browser, address, options.pictures)

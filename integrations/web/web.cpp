@@ -226,10 +226,15 @@ EXPORT std::size_t loop_saved_size() { return saved.size(); }
 EXPORT void loop_save() { loop->save(saved.data()); }
 EXPORT bool loop_restore() { return loop->restore(saved.data(), saved.size()); }
 
-EXPORT void controller_start(bool single) {
+EXPORT void controller_start([[maybe_unused]] bool single) {
+#ifdef FRACGYRO_DOUBLE_ONLY  // the live page, which has no controllers in single precision
+    single = false;
+#else
     if (single) {
         controller = make_guarded(make_controller<float>(setup.controller, setup.common), setup.common);
-    } else {
+    }
+#endif
+    if (!single) {
         controller = make_guarded(make_controller<double>(setup.controller, setup.common), setup.common);
     }
     saved.resize(controller->saved_size());

@@ -38,6 +38,6 @@ def live_page(factory: pytest.TempPathFactory) -> Path:
 
     def fill(made: Path) -> None:
         build(made)
-        write_page(made / "live", made / "fracgyro.wasm")
+        write_page(made / "live")
 
     return shared(factory, "live", fill) / "live"

@@ -1249,7 +1249,7 @@ def test_the_command_writes_a_page_or_opens_it(folder: Path, tmp_path: Path, mon
     from fracgyro.cli import cli
 
     wasm = (folder.parent / "fracgyro.wasm").read_bytes()  # takes a minute to build
-    monkeypatch.setitem(fg.export.live.__globals__, "build_module", lambda path: path.write_bytes(wasm))
+    monkeypatch.setitem(fg.export.live.__globals__, "build_module", lambda path, **_: path.write_bytes(wasm))
     out = tmp_path / "page.html"
     assert CliRunner().invoke(cli, ["live", "dual_mass", "--out", str(out)]).output == f"{out}: open it in a browser\n"
     assert "Drive the gyroscope" in out.read_text(encoding="utf-8")

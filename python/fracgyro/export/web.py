@@ -98,16 +98,17 @@ def build(folder: Path) -> None:
     (folder / "fracgyro.d.ts").write_text(types, encoding="utf-8", newline="\n")
 
 
-def build_module(path: Path) -> None:
+def build_module(path: Path, *, double_only: bool = False) -> None:
     """Builds the WebAssembly module. Raises ValueError if zig is missing or fails.
 
+    `double_only`: without controllers in single precision, in two thirds of the size.
     No C or C++ library is linked: core/ and sim/ use only headers of the C++ library.
     """
     headers, source = include(SOURCES / "include"), SOURCES / "integrations/web/web.cpp"
     with tempfile.TemporaryDirectory() as scratch:
         compiled = Path(scratch) / "web.o"
         # Every browser since 2023 has 128-bit vectors.
-        small = ["-Os", "-Xclang", "-fmerge-functions"]
+        small = ["-Os", "-Xclang", "-fmerge-functions", *(["-DFRACGYRO_DOUBLE_ONLY"] if double_only else [])]
         zig("c++", *TARGET, *FLAGS, *small, "-msimd128", *headers, "-c", source, "-o", compiled)
         link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic"]
         zig("cc", *TARGET, *link, compiled, "-o", path)
