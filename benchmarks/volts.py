@@ -17,6 +17,8 @@ import fracgyro as fg
 from fracgyro.scenario.volts_core import at_bias
 from machine import command, machine, write
 
+DEPENDS_ON = ["conventional", "sliding_mode", "joint"]
+
 HERTZ = 1 / 3925.0  # over that of the drive
 SPLIT = 3978.29 - 3925.0
 DRIVE = 3925.0

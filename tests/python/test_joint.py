@@ -147,7 +147,8 @@ def test_what_is_told_belongs_to_controllers_that_ask_for_it() -> None:
         fg.Scenario().replace({"controller.kind": "pid", "datasheet.delay": 1})
     assert str(caught.value) == (
         'datasheet.delay is 1: it needs controller.kind = "fractional_fast_terminal", "fractional", "fast_terminal", '
-        '"linear", "lqg", "internal_model", "open_loop" or "force_rebalance", '
+        '"linear", "lqg", "internal_model", "lock_in", "open_loop", "force_rebalance", "whole_angle", '
+        '"virtual_rotation" or "mode_reversal", '
         'but controller.kind is "pid"; or controller.filter = "kalman"'
     )
     with pytest.raises(ScenarioError, match=r"datasheet\.delay is 9: it must lie between 0 and 8"):

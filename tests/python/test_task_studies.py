@@ -171,7 +171,8 @@ def test_a_record_is_thinned_unless_a_chirp_needs_its_samples() -> None:
         ),
         (
             'show = ["amplitude_error"]\nvary.controller.order = [0.8]',
-            "amplitude_error needs controller.kind = open_loop or force_rebalance, which every point lacks",
+            "amplitude_error needs controller.kind = open_loop or force_rebalance or whole_angle or "
+            "virtual_rotation or mode_reversal, which every point lacks",
         ),
         ('show = ["overshoot"]', "which is not a known metric; did you mean overshoot_x or overshoot_y?"),
         ('show = ["setling_time_x"]', "did you mean settling_time_x?"),

@@ -592,7 +592,7 @@ def test_units_are_those_of_pint() -> None:
     names = [name for name in listed if not re.search("dps|Hz|degC|rev|ppb|sqrt", name)]
     for name in names:
         theirs = registry.Quantity(1.0, name)
-        for unit in ("kg", "m", "s", "K", "rad"):
+        for unit in ("kg", "m", "s", "K", "A", "rad"):
             power = dict(zip(BASE, parse(name).powers, strict=True))[unit]
             theirs = theirs / registry.Quantity(1.0, unit) ** power
         assert theirs.to("").magnitude == pytest.approx(float(parse(name).factor), rel=1e-12), name

@@ -241,8 +241,8 @@ struct WholeAngleGyroscope {
             signals.excess = asked - signals.force;
         }
         const Vec2<T> beyond = absolute(asked - signals.force);
-        const T free = if_less(zero, beyond.x() + beyond.y(), zero, one);
-        state.wait = if_less(half_over, zero, state.wait + (free * c.quadrature_step) * state.sum, state.wait);
+        const T unlimited = if_less(zero, beyond.x() + beyond.y(), zero, one);
+        state.wait = if_less(half_over, zero, state.wait + (unlimited * c.quadrature_step) * state.sum, state.wait);
         state.sum = if_less(half_over, zero, zero, state.sum);
         state.held = quadrature;
 
