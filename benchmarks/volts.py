@@ -2,8 +2,9 @@
 
 Writes benchmarks/results/volts.md.
 
-Noise-free runs of the dual-mass gyroscope; a row of each run without the effect is
-subtracted. The combs of the drive and of the pick-offs are ideal: their gap is a millimeter, so that nothing bends.
+Noise-free runs of the dual-mass gyroscope; a row of each run without the effect is subtracted. The combs of the drive
+and of the pick-offs are ideal: their gap is a millimeter, so that nothing bends. Lost: without noise the estimate of the
+joint filter, which is told so, ends far off; this is not understood.
 """
 
 from __future__ import annotations
@@ -96,6 +97,11 @@ def scale(law: str, changes: Mapping[str, Any], without: Mapping[str, Any]) -> f
     return found[0] / found[1] - 1
 
 
+def lost_or(share: float, per: float, unit: str, digits: int) -> str:
+    """Text of a change of the scale factor; "lost" where the estimate is of another size."""
+    return f"{per * share:,.{digits}f} {unit}" if abs(share) < 1.0 else "lost"
+
+
 def angle_row(pole: float) -> list[str]:
     """A pole of the amplifiers, with 300 deg/s of quadrature."""
     closed = 300.0 * 3600 * math.sin(math.atan(DRIVE / pole))
@@ -111,7 +117,7 @@ def feedthrough_row(place: int, name: str, closed: str, unit: str) -> list[str]:
         farads[each] = 1e-15
     through = {**given, "electronics.feedthrough": farads}
     if unit == "ppm":
-        return [name, closed, *(f"{1e6 * scale(law, through, given):,.1f} ppm" for law in LAWS)]
+        return [name, closed, *(lost_or(scale(law, through, given), 1e6, "ppm", 1) for law in LAWS)]
     return [name, closed, *(f"{bias(law, through, given):,.1f} deg/h" for law in LAWS)]
 
 
@@ -121,9 +127,9 @@ def gap_row(role: str, share: float, closed: str) -> list[str]:
     other = "pickoff" if role == "force" else "force"
     straight = softened([*ideal(role), *ideal(other)])
     given = softened([ideal(role)[0], bent, *ideal(other)])
-    found = [100 * scale(law, given, straight) for law in LAWS]
+    found = [lost_or(scale(law, given, straight), 100.0, "%", 2) for law in LAWS]
     words = "force" if role == "force" else "pick-off"
-    return [f"{words} by plates, y/gap = {share:g}", closed, *(f"{each:.2f} %" for each in found)]
+    return [f"{words} by plates, y/gap = {share:g}", closed, *found]
 
 
 def rows() -> Iterator[list[str]]:
