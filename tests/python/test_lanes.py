@@ -1,5 +1,8 @@
 """Runs in lanes equal single runs, whatever the other lanes contain, with any number of lanes and threads."""
 
+import math
+from pathlib import Path
+
 import fracgyro as fg
 import numpy as np
 import pytest
@@ -121,9 +124,36 @@ TERMS = [{"frequency": (1.0, 2.0), "amplitude": (0.5, 0.5)}]
 LAYERED: dict[str, object] = {"controller.kind": "nonsingular_terminal"}
 LAYERED |= {"controller.switching_gain": 0.1, "controller.reaching_exponent": 0.0}
 LAYERED |= {"controller.nonsingular_layer": 10.0}
-# By field: changes of both runs, and the value of the second. A field of a controller that is not here is derived; any
-# other fails a test.
-DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
+# At resonance, for controllers that answer within cycles, of 2 pi each, and more slowly. Ideal devices run in lanes.
+IDEAL = {"device.sensing": "full", "device.position_noise_density": 0.0}
+DISC = Path(__file__).resolve().parents[2] / "examples/scenarios/disc_whole_angle.toml"
+TURNING = fg.Scenario.load(DISC).replace({**IDEAL, "run.duration": 60.0})
+DAMPED = TURNING.replace({"controller.damping_compensation": 1e-3})
+TURNED = TURNING.replace({"controller.kind": "virtual_rotation", "controller.virtual_rate": 0.1})
+TURNED = TURNED.replace({"controller.reversal_turns": 0.05})
+REVERSED = TURNING.replace({"controller.kind": "mode_reversal", "controller.reversal_interval": 20.0})
+REVERSED = REVERSED.replace({"controller.settling_time": 5.0})
+DUAL = fg.Scenario.shipped("dual_mass").replace({"run.duration": 20.0})
+LOCKED = DUAL.replace({**IDEAL, "controller.kind": "lock_in", "run.duration": 40.0})  # five spans
+COMB = {"kind": "comb", "count": 200, "gap": 2e-6, "overlap": 2e-5, "thickness": 6e-5, "bias": 5.0}
+PLATE = {"kind": "plate", "count": 150, "gap": 4e-6, "area": 1.2e-8, "bias": 2.0}
+
+
+def electrodes(drive: dict[str, object]) -> list[dict[str, object]]:
+    """For each axis such a drive, and combs as its pick-off."""
+    each = {"force": drive, "pickoff": COMB}
+    return [{"role": role, "angle": angle, **own} for role, own in each.items() for angle in (0.0, math.pi / 2)]
+
+
+SMALL = {"reference.amplitude": (0.1, 0.1), "run.initial_position": (0.0, 0.1), "run.initial_velocity": (0.1, 0.0)}
+VOLTS = DUAL.replace({**SMALL, "electrodes": electrodes(PLATE)})
+SILENT = VOLTS.replace({"device.position_noise_density": 0.0, "electronics.feedback_capacitance": 1e-12})  # C_f
+CHARGE = {"electronics.amplifier": "charge", "electronics.feedback_resistance": 1e7, "electronics.voltage_noise": 5e-9}
+AMPLIFIED = SILENT.replace(CHARGE)
+CARRIER = AMPLIFIED.replace({"electronics.carrier_frequency": 1e6, "electronics.carrier_voltage": 1.0})
+# By field: changes of both runs, or the first run, and the value of the second. A field of a controller that is not
+# here is derived; any other fails a test.
+DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario, object]] = {
     "plant.mass": ({}, 2e-7),
     "plant.damping": ({}, {"xx": 1e-4, "xy": 0.0, "yy": 2e-4}),
     "plant.stiffness": ({}, {"xx": 60.0, "xy": 10.0, "yy": 90.0}),
@@ -213,6 +243,27 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "controller.surface_layer": ({"controller.kind": "network", "controller.switching_force": 5.0}, 0.1),
     "controller.polynomial_degree": ({"controller.kind": "network", "controller.basis": "chebyshev"}, 3),
     "controller.prediction_rate": ({"controller.kind": "network", "controller.prediction_weight": 1.0}, 7.0),
+    "controller.bandwidth": (LOCKED, 0.0013),
+    "controller.span": (LOCKED, 200),
+    "controller.quadrature_bandwidth": (TURNING, 0.02),
+    "controller.damping_axis": (DAMPED, 1.0),
+    "controller.reversal_turns": (TURNED, 0.1),
+    "controller.reversal_interval": (REVERSED, 25.0),
+    "controller.settling_time": (REVERSED, 10.0),
+    "controller.swing_rate": (REVERSED, 0.1),
+    "datasheet.lag": (TURNING, 0.1),
+    "electrodes.each": (VOLTS, electrodes({**PLATE, "bias": 3.0})),
+    "electronics.feedback_resistance": (AMPLIFIED, 2e7),
+    "electronics.feedback_capacitance": (AMPLIFIED, 2e-12),
+    "electronics.input_capacitance": (AMPLIFIED, 4e-12),
+    "electronics.voltage_noise": (AMPLIFIED, 7e-9),
+    "electronics.current_noise": (AMPLIFIED, 1e-13),
+    "electronics.pole": (VOLTS, (1e5, 2e5)),
+    "electronics.carrier_frequency": (CARRIER, 2e6),
+    "electronics.carrier_voltage": (CARRIER, 2.0),
+    "electronics.feedthrough": (VOLTS, (1e-15, 0.0, 0.0, 2e-15)),
+    "electronics.linearized": (VOLTS, True),
+    **{f"electronics.{name}": (VOLTS, 1e-7) for name in ("sample_delay", "update_delay", "aperture", "jitter")},
     "run.duration": ({}, 0.15),
     "run.step": ({}, 5e-4),
     "run.kernel_tolerance": ({}, 1e-3),
@@ -222,6 +273,7 @@ WITHOUT_EFFECT = {
     "plant.reference_length": 2e-6,
     "disturbance.quantity": "acceleration",
     "controller.observer_bandwidth": 200.0,
+    "electronics.amplifier": "charge",  # without the fields that need it: its noise, R_f and C_f above
     "run.record_every": 2,
     "run.units": "SI",
     "guard.checked": True,
@@ -273,7 +325,8 @@ def test_every_field_of_a_scenario_is_told_apart_below() -> None:
 @pytest.mark.parametrize("field", [*DIFFERENCES, *DERIVED])
 def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: str) -> None:
     base, value = DIFFERENCES[field] if field in DIFFERENCES else derived(field)
-    pair = [SHORT.replace(base), SHORT.replace({**base, field: value})]
+    first = base if isinstance(base, fg.Scenario) else SHORT.replace(base)
+    pair = [first, first.replace({field: value})]
     for lanes in LANES:
         separate = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
         assert not np.array_equal(*separate, equal_nan=True)  # NaN: not reported
@@ -282,7 +335,8 @@ def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: s
 
 @pytest.mark.parametrize("field", WITHOUT_EFFECT)
 def test_fields_without_effect_on_what_is_measured_have_none(field: str) -> None:
-    pair = [SHORT, SHORT.replace({field: WITHOUT_EFFECT[field]})]
+    first = SILENT if field.startswith("electronics.") else SHORT  # an amplifier needs pick-offs
+    pair = [first, first.replace({field: WITHOUT_EFFECT[field]})]
     first, second = measure(pair, LANES[-1], transient=0.1)
     np.testing.assert_allclose(second, first, rtol=1e-12)
 

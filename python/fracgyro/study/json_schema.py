@@ -12,12 +12,13 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from pydantic import BaseModel
-from pydantic.json_schema import GenerateJsonSchema
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaMode
 from pydantic_core import core_schema
 
 from ..scenario import Scenario, ScenarioError
 from ..scenario.messages import paths
 from ..scenario.table import AsTuple, format_value
+from ..scenario.volts import MAX_ELECTRODES
 from .space import Range
 
 KINDS = ("scenario", "study", "tuning")
@@ -46,8 +47,11 @@ def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
     found = _of_model(model)
     if kind == "scenario":
         found["properties"]["disturbance"] = _or_list(found["definitions"], "Disturbance", "AddedEntry")
-        electrodes = found["definitions"].pop("Electrodes")["properties"]["each"]
-        found["properties"]["electrodes"] = electrodes
+        electrodes = found["definitions"].pop("Electrodes")
+        each = electrodes["properties"]["each"]
+        each["maxItems"] = MAX_ELECTRODES
+        # The list itself, or electrodes.each, its path in studies; not as `anyOf`, like the disturbance.
+        found["properties"]["electrodes"] = {**electrodes, **each, "type": ["object", "array"]}
     else:
         found["definitions"] |= _of_model(Scenario)["definitions"] | {"Range": _of_model(Range)}
         del found["definitions"]["Range"]["$schema"]
@@ -73,11 +77,8 @@ class _Generator(GenerateJsonSchema):
     def int_schema(self, schema: core_schema.IntSchema) -> Schema:
         return _draft_4(super().int_schema(schema))
 
-    def tuple_schema(self, schema: core_schema.TupleSchema) -> Schema:
-        found = super().tuple_schema(schema)
-        if "prefixItems" in found:
-            found["items"] = found.pop("prefixItems")
-        return found
+    def generate(self, schema: core_schema.CoreSchema, mode: JsonSchemaMode = "validation") -> Schema:
+        return _with_items(super().generate(schema, mode))
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> Schema:
         return self.generate_inner(schema["schema"])
@@ -86,7 +87,7 @@ class _Generator(GenerateJsonSchema):
         found = super().function_before_schema(schema)
         convert = schema["function"]["function"]
         expanded = isinstance(convert, AsTuple) and convert.expand
-        return {"anyOf": [found["items"][0], found]} if expanded else found
+        return {"anyOf": [found["prefixItems"][0], found]} if expanded else found
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> Schema:
         found = super().default_schema(schema)
@@ -116,6 +117,13 @@ def _or_list(definitions: Schema, first: str, others: str) -> Schema:
     one, other = ({"$ref": REFERENCE.format(model=model)} for model in (first, others))
     listed = {"type": ["object", "array"], "items": [one], "additionalItems": other, "minItems": 1}
     return {**definitions[first], **listed}
+
+
+def _with_items(found: Any) -> Any:
+    """A schema whose entries in their order are `items`, as draft 4 has them, also where a type states its schema."""
+    if isinstance(found, dict):
+        return {"items" if name == "prefixItems" else name: _with_items(part) for name, part in found.items()}
+    return list(map(_with_items, found)) if isinstance(found, list) else found
 
 
 def _draft_4(found: Schema) -> Schema:
