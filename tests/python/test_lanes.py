@@ -1,6 +1,7 @@
 """Runs in lanes equal single runs, whatever the other lanes contain, with any number of lanes and threads."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import fracgyro as fg
@@ -127,14 +128,27 @@ LAYERED |= {"controller.nonsingular_layer": 10.0}
 # At resonance, for controllers that answer within cycles, of 2 pi each, and more slowly. Ideal devices run in lanes.
 IDEAL = {"device.sensing": "full", "device.position_noise_density": 0.0}
 DISC = Path(__file__).resolve().parents[2] / "examples/scenarios/disc_whole_angle.toml"
-TURNING = fg.Scenario.load(DISC).replace({**IDEAL, "run.duration": 60.0})
-DAMPED = TURNING.replace({"controller.damping_compensation": 1e-3})
-TURNED = TURNING.replace({"controller.kind": "virtual_rotation", "controller.virtual_rate": 0.1})
-TURNED = TURNED.replace({"controller.reversal_turns": 0.05})
-REVERSED = TURNING.replace({"controller.kind": "mode_reversal", "controller.reversal_interval": 20.0})
-REVERSED = REVERSED.replace({"controller.settling_time": 5.0})
 DUAL = fg.Scenario.shipped("dual_mass").replace({"run.duration": 20.0})
-LOCKED = DUAL.replace({**IDEAL, "controller.kind": "lock_in", "run.duration": 40.0})  # five spans
+
+
+def on_disc(changes: dict[str, object]) -> Callable[[], fg.Scenario]:
+    """Made when it is used: CONTRIBUTING's example has a core without whole angle."""
+    return lambda: fg.Scenario.load(DISC).replace({**IDEAL, "run.duration": 60.0}).replace(changes)
+
+
+TURNING, DAMPED = on_disc({}), on_disc({"controller.damping_compensation": 1e-3})
+TURNED = on_disc(
+    {"controller.kind": "virtual_rotation", "controller.virtual_rate": 0.1, "controller.reversal_turns": 0.05}
+)
+REVERSED = on_disc(
+    {"controller.kind": "mode_reversal", "controller.reversal_interval": 20.0, "controller.settling_time": 5.0}
+)
+
+
+def locked() -> fg.Scenario:
+    return DUAL.replace({**IDEAL, "controller.kind": "lock_in", "run.duration": 40.0})  # five spans
+
+
 COMB = {"kind": "comb", "count": 200, "gap": 2e-6, "overlap": 2e-5, "thickness": 6e-5, "bias": 5.0}
 PLATE = {"kind": "plate", "count": 150, "gap": 4e-6, "area": 1.2e-8, "bias": 2.0}
 
@@ -151,9 +165,9 @@ SILENT = VOLTS.replace({"device.position_noise_density": 0.0, "electronics.feedb
 CHARGE = {"electronics.amplifier": "charge", "electronics.feedback_resistance": 1e7, "electronics.voltage_noise": 5e-9}
 AMPLIFIED = SILENT.replace(CHARGE)
 CARRIER = AMPLIFIED.replace({"electronics.carrier_frequency": 1e6, "electronics.carrier_voltage": 1.0})
-# By field: changes of both runs, or the first run, and the value of the second. A field of a controller that is not
-# here is derived; any other fails a test.
-DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario, object]] = {
+# By field: changes of both runs, or the first run, or what makes it; and the value of the second. A field of a
+# controller that is not here is derived; any other fails a test.
+DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.Scenario], object]] = {
     "plant.mass": ({}, 2e-7),
     "plant.damping": ({}, {"xx": 1e-4, "xy": 0.0, "yy": 2e-4}),
     "plant.stiffness": ({}, {"xx": 60.0, "xy": 10.0, "yy": 90.0}),
@@ -243,8 +257,8 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario, object]] = {
     "controller.surface_layer": ({"controller.kind": "network", "controller.switching_force": 5.0}, 0.1),
     "controller.polynomial_degree": ({"controller.kind": "network", "controller.basis": "chebyshev"}, 3),
     "controller.prediction_rate": ({"controller.kind": "network", "controller.prediction_weight": 1.0}, 7.0),
-    "controller.bandwidth": (LOCKED, 0.0013),
-    "controller.span": (LOCKED, 200),
+    "controller.bandwidth": (locked, 0.0013),
+    "controller.span": (locked, 200),
     "controller.quadrature_bandwidth": (TURNING, 0.02),
     "controller.damping_axis": (DAMPED, 1.0),
     "controller.reversal_turns": (TURNED, 0.1),
@@ -325,7 +339,8 @@ def test_every_field_of_a_scenario_is_told_apart_below() -> None:
 @pytest.mark.parametrize("field", [*DIFFERENCES, *DERIVED])
 def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: str) -> None:
     base, value = DIFFERENCES[field] if field in DIFFERENCES else derived(field)
-    first = base if isinstance(base, fg.Scenario) else SHORT.replace(base)
+    made = base() if callable(base) else base
+    first = made if isinstance(made, fg.Scenario) else SHORT.replace(made)
     pair = [first, first.replace({field: value})]
     for lanes in LANES:
         separate = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
