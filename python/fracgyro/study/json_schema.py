@@ -78,7 +78,8 @@ class _Generator(GenerateJsonSchema):
         return _draft_4(super().int_schema(schema))
 
     def generate(self, schema: core_schema.CoreSchema, mode: JsonSchemaMode = "validation") -> Schema:
-        return _with_items(super().generate(schema, mode))
+        found: Schema = _with_items(super().generate(schema, mode))
+        return found
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> Schema:
         return self.generate_inner(schema["schema"])
