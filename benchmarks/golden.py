@@ -120,7 +120,7 @@ SHIPPED_STEPS = 6_000
 
 
 def run_hash(scenario: fg.Scenario) -> str:
-    """Of all that a run records, its metrics, and its metrics as one of many, in double and float."""
+    """Hash of all that a run records, its metrics, and its metrics as one of many, in double and float."""
     try:
         run = fg.simulate(scenario)
     except fg.DivergedError as error:

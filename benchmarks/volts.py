@@ -4,7 +4,7 @@ Writes benchmarks/results/volts.md.
 
 Noise-free runs of the dual-mass gyroscope; a row of each run without the effect is subtracted. The combs of the drive
 and of the pick-offs are ideal: their gap is a millimeter, so that nothing bends. Lost: without noise the estimate of
-the joint filter, which is told so, ends far off; this is not understood.
+the joint filter, which knows so, ends far off; this is not understood.
 """
 
 from __future__ import annotations

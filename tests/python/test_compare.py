@@ -635,7 +635,7 @@ def test_searches_of_an_earlier_comparison_are_kept_where_their_gains_have_the_s
 ) -> None:
     earlier = json.loads(small.data.read_text(encoding="utf-8"))
     first, *others = earlier["contenders"]
-    first["sampler_errors"] = [1.01 * first["sampler_errors"][0]]  # as if a change of the core had made it smaller
+    first["sampler_errors"] = [1.01 * first["sampler_errors"][0]]  # an error that a change of the core has lowered
     file = tmp_path / "earlier.json"
     file.write_text(json.dumps(earlier), encoding="utf-8")
     found = compare("track", tmp_path / "out", **SMALL, searched=file)

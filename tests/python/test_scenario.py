@@ -495,7 +495,9 @@ def test_the_paper_survives_toml(variant: Any) -> None:
 def test_the_text_is_complete_commented_and_fits_the_line() -> None:
     lines = PAPER.to_toml().splitlines()
     tables = tomllib.loads(PAPER.to_toml())
-    assert [*tables, "electrodes"] == sorted(Scenario.model_fields, key=lambda name: name == "electrodes")  # of none
+    assert [*tables, "electrodes"] == sorted(
+        Scenario.model_fields, key=lambda name: name == "electrodes"
+    )  # the empty list
     assert max(map(len, lines)) <= 110
     for name, info in Scenario.model_fields.items():
         table = info.annotation

@@ -28,7 +28,7 @@ def read(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def searches(piece: Tuning, row: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The result of `Tuning.measure` from a row; None if one of its searches has to be made again."""
+    """The result of `Tuning.measure` from a row; None if one of its searches has to be repeated."""
     errors, values = row["sampler_errors"], row["sampler_values"]
     if len(errors) != piece.samplers or len(values) != piece.samplers:
         return None
