@@ -81,6 +81,9 @@ std::vector<Kind> every_kind() {
         if (kind == "lqg") {
             some.insert(switches_of_the_filter.begin(), switches_of_the_filter.end());
         }
+        if (kind == "lock_in") {  // forgets by an addition whatever the number
+            some.erase("adaptation.forgetting");
+        }
         add(paper(2000, kind), some);
     }
     for (const std::string_view kind : sliding_modes) {
@@ -112,7 +115,8 @@ TEST(LaneKey, NoPlainNumberIsInIt) {
         const fracgyro::Setup& setup = kind.setup;
         const std::string key = lane_key(setup);
         for_each_named(setup, [&](const std::string& name, const auto& field, const auto& number) {
-            if (kind.switches.contains(name) || name == "controller.kernel_terms") {  // which are padded
+            // Exponentials are padded; a span is a number of steps.
+            if (kind.switches.contains(name) || name == "controller.kernel_terms" || name == "controller.span") {
                 return;
             }
             if (field.choices.empty()) {
