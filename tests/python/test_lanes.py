@@ -332,6 +332,12 @@ def derived(path: str) -> tuple[dict[str, object], object]:
     return {"controller.kind": kind}, value if len(parts) == 1 else [value] * len(parts)
 
 
+def first_of(base: dict[str, object] | fg.Scenario | Callable[[], fg.Scenario]) -> fg.Scenario:
+    """The first scenario of an entry of DIFFERENCES."""
+    made = base() if callable(base) else base
+    return made if isinstance(made, fg.Scenario) else SHORT.replace(made)
+
+
 def test_every_field_of_a_scenario_is_told_apart_below() -> None:
     assert fields() == DIFFERENCES.keys() | WITHOUT_EFFECT.keys() | set(DERIVED)
 
@@ -339,9 +345,7 @@ def test_every_field_of_a_scenario_is_told_apart_below() -> None:
 @pytest.mark.parametrize("field", [*DIFFERENCES, *DERIVED])
 def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: str) -> None:
     base, value = DIFFERENCES[field] if field in DIFFERENCES else derived(field)
-    made = base() if callable(base) else base
-    first = made if isinstance(made, fg.Scenario) else SHORT.replace(made)
-    pair = [first, first.replace({field: value})]
+    pair = [first_of(base), first_of(base).replace({field: value})]
     for lanes in LANES:
         separate = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
         assert not np.array_equal(*separate, equal_nan=True)  # NaN: not reported
