@@ -212,13 +212,13 @@ void bind_controller(nb::module_& m) {
     m.def(
         "told_types_of_kind",
         [](std::size_t kind) {
-            std::vector<bool> told;
+            std::vector<bool> informed;
             with_params(params_of_kind(kind), [&]<class Family>(const auto&, Family) {
                 [&]<class... Types>(List<Types...>) {
-                    (told.push_back(KnowsForce<Types>), ...);
+                    (informed.push_back(KnowsForce<Types>), ...);
                 }(typename Family::template Types<double>{});
             });
-            return told;
+            return informed;
         },
         nb::arg("kind"), "True for each of its types that takes the force that the code of a converter means.");
 }

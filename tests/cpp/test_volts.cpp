@@ -470,21 +470,21 @@ TEST(ToldTheForce, APredictionIsThatUnderTheForceThatActs) {
         Loop<Law> loop(a);
         loop.run(100);
         const auto& c = loop.c.adaptation.filter;
-        Filter::State told = loop.state.adaptation, knew = told;
-        const Sample<double> at = told.error;
-        Filter::predict(told, c, {}, asked, true);
-        const Vec2<double> without = told.error.derivative;
-        Filter::acted(told, c, acts);
+        Filter::State informed = loop.state.adaptation, knew = informed;
+        const Sample<double> at = informed.error;
+        Filter::predict(informed, c, {}, asked, true);
+        const Vec2<double> without = informed.error.derivative;
+        Filter::acted(informed, c, acts);
         Filter::predict(knew, c, {}, acts, true);
-        expect_near(told.error.value, knew.error.value, 1e-9);
-        expect_near(told.error.derivative, knew.error.derivative, 1e-8);
-        EXPECT_EQ(norm(told.error.derivative - without) > 1e-6, delay == 0);
+        expect_near(informed.error.value, knew.error.value, 1e-9);
+        expect_near(informed.error.derivative, knew.error.derivative, 1e-8);
+        EXPECT_EQ(norm(informed.error.derivative - without) > 1e-6, delay == 0);
         for (std::int64_t n = 0; n < delay; ++n) {  // the force arrives
-            Filter::predict(told, c, {}, acts, true);
+            Filter::predict(informed, c, {}, acts, true);
             Filter::predict(knew, c, {}, acts, true);
         }
-        expect_near(told.error.derivative, knew.error.derivative, 1e-8);
-        EXPECT_GT(norm(told.error.derivative - at.derivative), 1e-5);
+        expect_near(informed.error.derivative, knew.error.derivative, 1e-8);
+        EXPECT_GT(norm(informed.error.derivative - at.derivative), 1e-5);
     }
 }
 
@@ -492,12 +492,12 @@ TEST(ToldTheForce, ObserverAndFilterPredictUnderIt) {
     const Vec2<double> asked{0.3, -0.2}, acts{0.31, -0.22};
     const PlantModel<double> nominal{.damping = {0.02, 0.003, 0.04}, .stiffness = {1.0, 0.05, 1.1}, .rate = 0.01};
     const auto observer = Observer<double>::prepare(nominal, 1.0, 0.05);
-    Observer<double>::State told{.motion = {{0.1, 0.2}, {0.3, 0.4}}, .started = true}, knew = told;
-    Observer<double>::predict(told, observer, asked);
-    Observer<double>::more(told, observer, acts - asked);
+    Observer<double>::State informed{.motion = {{0.1, 0.2}, {0.3, 0.4}}, .started = true}, knew = informed;
+    Observer<double>::predict(informed, observer, asked);
+    Observer<double>::more(informed, observer, acts - asked);
     Observer<double>::predict(knew, observer, acts);
-    expect_near(told.motion.position, knew.motion.position, 1e-16);
-    expect_near(told.motion.velocity, knew.motion.velocity, 1e-16);
+    expect_near(informed.motion.position, knew.motion.position, 1e-16);
+    expect_near(informed.motion.velocity, knew.motion.velocity, 1e-16);
     for (const std::int64_t delay : {0, 2}) {
         using Filter = MotionFilter<double, true>;
         Common common{.step = 0.05, .nominal = nominal};

@@ -26,6 +26,13 @@ def forget() -> None:
         function.cache_clear()
 
 
+def edit(path: Path, before: str, after: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after), encoding="utf-8")
+    forget()
+
+
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A repository with one benchmark, one module and the core in two headers, of which one is an alternative."""
@@ -130,10 +137,7 @@ def test_a_log_is_behind_only_after_a_change_that_its_numbers_may_depend_on(
     assert sources.behind()["benchmarks/results/speed.md"] == "does not state its sources"
     log.write_text(f"# Speed\n\n{sources.stamp(script)}\n", encoding="utf-8")
     assert "benchmarks/results/speed.md" not in sources.behind()
-    text = (tree / name).read_text(encoding="utf-8")
-    assert before in text
-    (tree / name).write_text(text.replace(before, after), encoding="utf-8")
-    forget()
+    edit(tree / name, before, after)
     assert ("benchmarks/results/speed.md" in sources.behind()) == behind
 
 
@@ -160,10 +164,7 @@ def test_a_log_of_simulated_numbers_is_behind_if_a_golden_run_has_changed_but_no
     log.write_text(f"# Error\n\n{sources.stamp(script)}\n", encoding="utf-8")
     assert "with the first 4 golden runs" in log.read_text(encoding="utf-8")
     assert "benchmarks/results/error.md" not in sources.behind()
-    text = (tree / name).read_text(encoding="utf-8")
-    assert before in text
-    (tree / name).write_text(text.replace(before, after), encoding="utf-8")
-    forget()
+    edit(tree / name, before, after)
     assert ("benchmarks/results/error.md" in sources.behind()) == behind
 
 

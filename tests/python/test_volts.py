@@ -149,11 +149,11 @@ def test_noise_of_the_amplifiers_and_steps_of_the_driver_are_told() -> None:
     step = made.run.step * made.plant.scales.time
     deviations = np.sqrt(sensor_variance(device_values(made), "position")) * made.plant.scales.length
     assert deviations[0] == pytest.approx(wanted * math.sqrt(0.5 / step), rel=1e-12)
-    told, by_steps = datasheet(made), datasheet(made.replace({"controller.kind": "internal_model"}))
-    assert told.position_noise == pytest.approx(math.sqrt(np.mean(deviations**2)) / made.plant.scales.length)
+    assumed, by_steps = datasheet(made), datasheet(made.replace({"controller.kind": "internal_model"}))
+    assert assumed.position_noise == pytest.approx(math.sqrt(np.mean(deviations**2)) / made.plant.scales.length)
     code = float(at_bias(made).gain[0]) * 20.0 / 2**12 / made.plant.scales.force
     assert by_steps.force_noise == pytest.approx(code / math.sqrt(12))
-    assert told.force_noise == 0.0  # the joint filter takes the code itself
+    assert assumed.force_noise == 0.0  # the joint filter takes the code itself
 
 
 def at_bias_stiffness(made: fg.Scenario) -> float:
