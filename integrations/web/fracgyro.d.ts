@@ -1,11 +1,16 @@
 // Types of fracgyro.mjs. Settings bear the names of a scenario's fields; `Fracgyro.fields` has unit, meaning and range.
 // `make web` writes the types of the settings at the end, from the core's own lists.
 
-/** Loads the module and its data, by default from the folder of fracgyro.mjs. Node fetches no files: pass both. */
-export function load(files?: { wasm?: BufferSource; data?: object }): Promise<Fracgyro>;
+/**
+ * Loads the module and its data, by default from the folder of fracgyro.mjs. Node fetches no files: pass both. `single`:
+ * fracgyro-single.wasm, whose controllers compute in single precision, and which has no loop.
+ */
+export function load(files?: { wasm?: BufferSource; data?: object; single?: boolean }): Promise<Fracgyro>;
 
 export interface Fracgyro {
   readonly version: string;
+  /** True if controllers compute in single precision. Then there is no loop. */
+  readonly single: boolean;
   /** Meaning, unit and range of each setting, enough to build a form. */
   readonly fields: Readonly<Record<SettingName, Field>>;
   /** The paper's study, eqs (47)-(53), corrected and as printed. */
@@ -17,8 +22,8 @@ export interface Fracgyro {
   simulate(scenario: Scenario, changes?: Partial<Settings>, options?: { law?: Law }): Promise<Run>;
   /** The closed loop in parts, tuned while it runs. Without changes its rows are those of `simulate`, bit for bit. */
   loop(scenario: Scenario, changes?: Partial<Settings>, options?: { law?: Law }): Promise<Loop>;
-  /** The controller without a loop, for a loop of your own; in double precision unless `single`. */
-  controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
+  /** The controller without a loop, for a loop of your own. */
+  controller(scenario: Scenario, changes?: Partial<Settings>): Promise<Controller>;
 }
 
 /**

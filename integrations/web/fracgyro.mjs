@@ -10,7 +10,8 @@
 // fracgyro.d.ts.
 
 // Loads the module and its data, by default from this file's folder. In node, which cannot fetch files, pass both.
-export async function load({ wasm, data } = {}) {
+// `single`: the module whose controllers compute in single precision, and which has no loop.
+export async function load({ wasm, data, single = false } = {}) {
   const fetched = async (name) => {
     const response = await fetch(new URL(name, import.meta.url));
     if (!response.ok) {
@@ -19,7 +20,7 @@ export async function load({ wasm, data } = {}) {
     return response;
   };
   data ??= await (await fetched("fracgyro.json")).json();
-  wasm ??= await (await fetched("fracgyro.wasm")).arrayBuffer();
+  wasm ??= await (await fetched(single ? "fracgyro-single.wasm" : "fracgyro.wasm")).arrayBuffer();
   return new Fracgyro(await WebAssembly.compile(wasm), data);
 }
 
@@ -43,6 +44,7 @@ class Fracgyro {
     this.#module = module;
     this.#data = data;
     this.version = data.version;
+    this.single = !WebAssembly.Module.exports(module).some(({ name }) => name === "loop_start");
     this.fields = data.fields;
     this.paper = data.paper;
   }
@@ -164,12 +166,12 @@ class Fracgyro {
     };
   }
 
-  // The controller by itself, in double or in single precision. Call `step` once every run.step.
-  async controller(scenario, changes = {}, { single = false } = {}) {
+  // The controller by itself. Call `step` once every run.step.
+  async controller(scenario, changes = {}) {
     const { core, reported, observed } = await this.#prepare(scenario, changes);
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));
-    core.controller_start(single);
-    const number = single ? "float" : "double";
+    core.controller_start();
+    const number = this.single ? "float" : "double";
     const key = utf8(`fracgyro ${this.version} controller 2 ${core.controller_key() >>> 0} ${number}\n`);
     const saved = () => core.bytes(core.controller_saved(), core.controller_saved_size());
     return {
@@ -211,6 +213,9 @@ class Fracgyro {
 
   // A loop, in an instance of its own, that writes rows of its columns. `given`: a law of the caller's, or undefined.
   async #started(scenario, changes, given) {
+    if (this.single) {
+      throw new Error("fracgyro-single.wasm has no loop: load fracgyro.wasm for runs and loops");
+    }
     const law = given && new Law(given, this.#data);
     const prepared = await this.#prepare(scenario, changes, law);
     const { core, settings, observed } = prepared;

@@ -8,8 +8,9 @@ import { load } from "./fracgyro.mjs";
 
 const [name, number] = process.argv.slice(2);
 const json = (file) => JSON.parse(readFileSync(file));
-const fracgyro = await load({ wasm: readFileSync("fracgyro.wasm"), data: json("fracgyro.json") });
-const controller = await fracgyro.controller(json(name), {}, { single: number === "float" });
+const wasm = readFileSync(number === "float" ? "fracgyro-single.wasm" : "fracgyro.wasm");
+const fracgyro = await load({ wasm, data: json("fracgyro.json") });
+const controller = await fracgyro.controller(json(name));
 const motions = new Float64Array(new Uint8Array(readFileSync("motion")).buffer);
 const answers = [];
 for (let n = 0; n < motions.length / 4; ++n) {

@@ -1,6 +1,7 @@
-// Functions that fracgyro.mjs calls: the closed loop, and a single controller. One instance of the module holds one of
+// Functions that fracgyro.mjs calls: the closed loop, and a controller by itself. One instance of the module holds one of
 // them, in these globals and in the module's memory, which is freed with the instance. The module imports nothing but
-// the caller's law, which no other run calls.
+// the caller's law, which no other run calls. FRACGYRO_SINGLE: a module of controllers in single precision, without a
+// loop.
 #define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // called for a vector that would be too long
 #include "fracgyro/core/kernel_design.hpp"
 #include "fracgyro/sim/guarded_controller.hpp"
@@ -13,13 +14,20 @@
 #include <new>
 #include <vector>
 
+#ifndef FRACGYRO_SINGLE
 // From a sample, `in`, which is a UserInput, the force on x and y and the reports, to `out`. Throws instead of
 // returning a force that is not finite; then this instance cannot be used any more.
 extern "C" [[clang::import_module("caller"), clang::import_name("law")]] void callers_law(const double* in,
                                                                                           double* out);
+#endif
 
 namespace fracgyro {
 namespace {
+
+#ifdef FRACGYRO_SINGLE
+using Number = float;
+#else
+using Number = double;
 
 // A function of the caller's as the controller of a loop.
 class CallersLaw final : public UserLaw {
@@ -40,6 +48,7 @@ private:
     std::vector<double> out_;
     std::ptrdiff_t rate_place_;
 };
+#endif
 
 // Maximum number of settings over all kinds.
 constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I...>) {
@@ -58,8 +67,10 @@ KernelDesign kernel_design;                // room to design the exponentials in
 [[clang::no_destroy]] constinit std::unique_ptr<GuardedController> controller;  // without a loop
 std::array<double, 2> force;                                                    // output of its last step
 [[clang::no_destroy]] constinit std::vector<double> report;
+#ifndef FRACGYRO_SINGLE
 [[clang::no_destroy]] constinit std::unique_ptr<AnyController<double>> loop_controller;
 [[clang::no_destroy]] constinit std::unique_ptr<RunningLoop> loop;
+#endif
 [[clang::no_destroy]] constinit std::vector<unsigned char> saved;  // the state of either
 
 constexpr std::size_t page = 65536;
@@ -154,7 +165,7 @@ EXPORT void reference_lists(std::size_t terms, const double* term, std::size_t r
 // Returns true if the controller takes a filter of the measured motions, or there is none.
 EXPORT bool filter_fits() {
     bool fits = !setup.common.filter.on();
-    with_controller<double>(setup.controller, [&]<class C>() { fits = fits || takes_filter<C>; });
+    with_controller<Number>(setup.controller, [&]<class C>() { fits = fits || takes_filter<C>; });
     return fits;
 }
 // Which of the kind's types it is: what it reports depends on that.
@@ -178,6 +189,7 @@ EXPORT void disturbance_terms(std::size_t count, const double* numbers) {
     take_terms(setup.disturbance, {numbers, count});
 }
 
+#ifndef FRACGYRO_SINGLE
 // The loop at t = 0.
 EXPORT void loop_start() {
     loop.reset();
@@ -225,18 +237,10 @@ EXPORT unsigned char* loop_saved() { return saved.data(); }
 EXPORT std::size_t loop_saved_size() { return saved.size(); }
 EXPORT void loop_save() { loop->save(saved.data()); }
 EXPORT bool loop_restore() { return loop->restore(saved.data(), saved.size()); }
-
-EXPORT void controller_start([[maybe_unused]] bool single) {
-#ifdef FRACGYRO_DOUBLE_ONLY  // the live page, which has no controllers in single precision
-    single = false;
-#else
-    if (single) {
-        controller = make_guarded(make_controller<float>(setup.controller, setup.common), setup.common);
-    }
 #endif
-    if (!single) {
-        controller = make_guarded(make_controller<double>(setup.controller, setup.common), setup.common);
-    }
+
+EXPORT void controller_start() {
+    controller = make_guarded(make_controller<Number>(setup.controller, setup.common), setup.common);
     saved.resize(controller->saved_size());
 }
 // Key of the settings from which the controller was made.

@@ -99,10 +99,11 @@ import { createInterface } from "node:readline";
 const [folder] = process.argv.slice(1);
 const { load } = await import(folder + "/fracgyro.mjs");
 const json = (name) => JSON.parse(readFileSync(`${folder}/${name}`));
-const fracgyro = await load({ wasm: readFileSync(folder + "/fracgyro.wasm"), data: json("fracgyro.json") });
+const modules = await Promise.all(["fracgyro.wasm", "fracgyro-single.wasm"].map(
+  (name) => load({ wasm: readFileSync(`${folder}/${name}`), data: json("fracgyro.json") })));
 const controllers = [];
 for (const name of json("scenarios.json")) {
-  for (const single of [false, true]) controllers.push(await fracgyro.controller(json(name), {}, { single }));
+  for (const module of modules) controllers.push(await module.controller(json(name)));
 }
 const all = [];
 for (const controller of controllers) {

@@ -37,7 +37,7 @@ def live_page(factory: pytest.TempPathFactory) -> Path:
     from fracgyro.export.web import build
 
     def fill(made: Path) -> None:
-        build(made)
-        write_page(made / "live")
+        build(made, ["double"])
+        write_page(made / "live", made / "fracgyro.wasm")
 
     return shared(factory, "live", fill) / "live"

@@ -21,12 +21,14 @@ from fracgyro.scenario.to_core import core_setup
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
 
-# `fracgyro`: the loaded module; `own`: the scenario that was exported; `write`: for arrays, read back by numpy.
+# `fracgyro`: the loaded module; `inSingle`: that of single precision; `own`: the exported scenario; `write`: for
+# arrays, read back by numpy.
 PRELUDE = """
 import { readFileSync, writeFileSync } from "node:fs";
 const { load } = await import(process.argv[1] + "/fracgyro.mjs");
 const read = (name) => readFileSync(process.argv[1] + "/" + name);
-const fracgyro = await load({ wasm: read("fracgyro.wasm"), data: JSON.parse(read("fracgyro.json")) });
+const [fracgyro, inSingle] = await Promise.all(["fracgyro.wasm", "fracgyro-single.wasm"].map(
+  (name) => load({ wasm: read(name), data: JSON.parse(read("fracgyro.json")) })));
 const write = (name, array) => writeFileSync(process.argv[2] + "/" + name, array);
 const own = JSON.parse(readFileSync(process.argv[2] + "/own.json"));
 """
@@ -62,11 +64,22 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_the_module_is_small_and_imports_only_the_callers_law(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 680_000
-    assert sum(file.stat().st_size for file in module.iterdir()) < 850_000
+    assert (module / "fracgyro.wasm").stat().st_size < 440_000
+    assert (module / "fracgyro-single.wasm").stat().st_size < 370_000
+    assert sum(file.stat().st_size for file in module.iterdir() if "single" not in file.name) < 600_000
     imports = 'console.log(JSON.stringify(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm")))))'
     (imported,) = json.loads(in_node(module, tmp_path, imports))
     assert imported == {"module": "caller", "name": "law", "kind": "function"}
+
+
+def test_the_module_of_single_precision_has_no_loop(module: Path, tmp_path: Path) -> None:
+    code = """
+    for (const start of ["simulate", "loop"]) {
+      await inSingle[start](own).catch((refusal) => console.log(refusal.message));
+    }
+    """
+    refusal = "fracgyro-single.wasm has no loop: load fracgyro.wasm for runs and loops"
+    assert in_node(module, tmp_path, code).splitlines() == [refusal, refusal]
 
 
 # Every kind of disturbance; the first part is a sine.
@@ -409,19 +422,19 @@ def check_controller_alone(module: Path, tmp_path: Path, scenario: fg.Scenario) 
     code = """
     const motion = new Float64Array(readFileSync(process.argv[2] + "/motion").buffer);
     const steps = motion.length / 4;
-    for (const single of [false, true]) {
-      let controller = await fracgyro.controller(own, {}, { single });
+    for (const module of [fracgyro, inSingle]) {
+      let controller = await module.controller(own);
       const forces = new Float64Array(2 * steps);
       for (let n = 0; n < steps; ++n) {
         if (n === 1000) {
           const { state } = controller;
-          controller = await fracgyro.controller(own, {}, { single });
+          controller = await module.controller(own);
           controller.state = state;
         }
         const [x, y, vx, vy] = motion.subarray(4 * n, 4 * n + 4);
         forces.set(controller.step([x, y], [vx, vy]), 2 * n);
       }
-      write(single ? "single" : "double", forces);
+      write(module.single ? "single" : "double", forces);
       console.log(JSON.stringify(controller.report));
     }
     """
@@ -577,13 +590,12 @@ def test_numbers_of_a_device_are_checked(module: Path, tmp_path: Path) -> None:
 
 def test_a_state_of_another_controller_is_refused(module: Path, tmp_path: Path) -> None:
     code = """
-    const make = (changes, single) => fracgyro.controller(own, changes, { single });
-    const controller = await make({}, false);
+    const controller = await fracgyro.controller(own);
     const reported = (state) => {
       try { controller.state = state; } catch (e) { console.log(`${e.name}: ${e.message}`); }
     };
-    reported((await make({ "controller.layer_thickness": 0.05 }, false)).state);
-    reported((await make({}, true)).state);
+    reported((await fracgyro.controller(own, { "controller.layer_thickness": 0.05 })).state);
+    reported((await inSingle.controller(own)).state);
     const { state } = controller;
     reported("state");
     reported(state.slice(0, -1));

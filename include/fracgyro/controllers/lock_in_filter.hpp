@@ -684,13 +684,11 @@ private:
         added.left = minimum(haste * c.prior.drift[0], c.prior.plant[0]) * maximum(zero, one - d * c.prior.inverse[0]);
         unrolled<0, rate>([&](auto i) { added.share[i] = zero; });
         added.share[rate] = one;
-        Covariance::add_column(state.covariance, added, std::integral_constant<std::size_t, rate>{});
+        Covariance::template add_column<rate>(state.covariance, added);
     }
     static void drift_motion(State& state) {
         auto& added = state.scratch.added;
-        unrolled<1, rate>([&](auto i) {
-            Covariance::add_column(state.covariance, added, std::integral_constant<std::size_t, rate - i>{});
-        });
+        unrolled<1, rate>([&](auto i) { Covariance::template add_column<rate - i>(state.covariance, added); });
         Covariance::add_first(state.covariance, added);
     }
 

@@ -61,37 +61,36 @@ struct FactoredCovariance {
 
     // Adds `variance` >= 0 to P_ii only (Agee and Turner; Bierman, ch. III).
     static void add(State& state, std::size_t i, T variance) {
-        Added added{.left = variance};
-        added.share[i] = T(1.0);
+        Vector a{};
+        a[i] = T(1.0);
+        T left = variance;
         for (std::size_t j = i; j > 0; --j) {
-            add_column(state, added, j);
+            T* const u = &state.u_factor[column(j)];
+            const T before = state.d_factor[j], own = a[j];
+            const T weight = left * own;
+            const T d = maximum(before + weight * own, T(vanishing));
+            const T share = weight / d;
+            for (std::size_t k = 0; k < j; ++k) {
+                share_out(a[k], u[k], own, share);
+            }
+            left = left * (before / d);
+            state.d_factor[j] = d;
         }
-        add_first(state, added);
+        state.d_factor[0] = state.d_factor[0] + left * (a[0] * a[0]);
     }
     // The same in parts: columns i to 1, then the first. `share` is 1 for i and 0 for those before.
     struct Added {
         Vector share{};
         T left{};
     };
-    template <class Index>
-    static void add_column(State& state, Added& added, Index j) {
+    template <std::size_t j>
+    static void add_column(State& state, Added& added) {
         T* const u = &state.u_factor[column(j)];
         const T before = state.d_factor[j], own = added.share[j];
         const T weight = added.left * own;
         const T d = maximum(before + weight * own, T(vanishing));
         const T share = weight / d;
-        const auto entry = [&](std::size_t k) {
-            T& a = added.share[k];
-            a = a - own * u[k];
-            u[k] = u[k] + share * a;
-        };
-        if constexpr (requires { Index::value; }) {
-            unrolled<0, Index::value>(entry);
-        } else {
-            for (std::size_t k = 0; k < j; ++k) {
-                entry(k);
-            }
-        }
+        unrolled<0, j>([&](std::size_t k) { share_out(added.share[k], u[k], own, share); });
         added.left = added.left * (before / d);
         state.d_factor[j] = d;
     }
@@ -114,11 +113,7 @@ struct FactoredCovariance {
         running.slope = -(f * running.inverse);
     }
     static void absorb_row(State& state, Running& running, std::size_t j, std::size_t k) {
-        T& u = state.u_factor[column(j) + k];
-        T& gain = running.found.move[k];
-        const T old = u;
-        u = old + running.slope * gain;
-        gain = gain + old * running.own;
+        absorb(running.found.move[k], state.u_factor[column(j) + k], running.own, running.slope);
     }
     static void close_column(State& state, Running& running, std::size_t j, T f) {
         running.found.move[j] = running.own;
@@ -134,21 +129,42 @@ struct FactoredCovariance {
     }
 
 private:
-    // f(j, column j of U); 0 below `first`.
+    static void share_out(T& a, T& u, T own, T share) {
+        a = a - own * u;
+        u = u + share * a;
+    }
+    static void absorb(T& gain, T& u, T own, T slope) {
+        const T old = u;
+        u = old + slope * gain;
+        gain = gain + old * own;
+    }
+
+    // f(j, column j of U); 0 below `first`. In variables of its own: a compiler for microcontrollers keeps these in
+    // registers, and not those of `Running`.
     template <class F>
     static Gain measured(State& state, T noise, std::size_t first, F&& row) {
-        Running running;
-        begin(running, noise);
+        Gain found{};
+        Vector& gain = found.move;
+        T variance = noise, inverse = T(1.0) / noise;
         for (std::size_t j = first; j < Count; ++j) {
-            const T f = row(j, &state.u_factor[column(j)]);
-            open_column(state, running, j, f);
+            T* const u = &state.u_factor[column(j)];
+            const T f = row(j, u);
+            const T own = state.d_factor[j] * f;
+            const T slope = -(f * inverse);
             for (std::size_t k = 0; k < j; ++k) {
-                absorb_row(state, running, j, k);
+                absorb(gain[k], u[k], own, slope);
             }
-            close_column(state, running, j, f);
+            gain[j] = own;
+            const T before = variance;
+            variance = before + f * own;
+            inverse = T(1.0) / variance;
+            state.d_factor[j] = state.d_factor[j] * (before * inverse);
         }
-        finish(running);
-        return running.found;
+        for (T& k : gain) {
+            k = inverse * k;
+        }
+        found.variance = variance;
+        return found;
     }
 };
 

@@ -96,7 +96,7 @@ def live(scenario: Scenario, path: str | os.PathLike[str], *, name: str = "my.to
     data = scenario_data(scenario, name)
     with whole_file(path, replaces="nothing") as scratch, tempfile.TemporaryDirectory() as folder:
         wasm = Path(folder) / "fracgyro.wasm"
-        build_module(wasm, double_only=True)
+        build_module(wasm)
         scratch.write_text(page(data, wasm), encoding="utf-8", newline="\n")
 
 
@@ -240,13 +240,10 @@ def _gyroscope(name: str, more: dict[str, tuple[str, dict[str, Any]]]) -> dict[s
     return {key: value for key, value in data.items() if key not in shared}
 
 
-def write_page(folder: Path) -> None:
-    """Writes index.html, the page of the paper's device with its compiled module, into the folder."""
+def write_page(folder: Path, wasm: Path) -> None:
+    """Writes index.html, the page of the paper's device with the compiled module, into the folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as scratch:
-        wasm = Path(scratch) / "fracgyro.wasm"
-        build_module(wasm, double_only=True)
-        (folder / "index.html").write_text(page(page_data(), wasm), encoding="utf-8", newline="\n")
+    (folder / "index.html").write_text(page(page_data(), wasm), encoding="utf-8", newline="\n")
 
 
 def page(data: dict[str, Any], wasm: Path) -> str:
@@ -303,5 +300,6 @@ def bundled(script: Path) -> str:
 
 
 if __name__ == "__main__":
-    build(Path(sys.argv[1]))
-    write_page(Path(sys.argv[1]) / "live")
+    made = Path(sys.argv[1])
+    build(made, ["double"])
+    write_page(made / "live", made / "fracgyro.wasm")

@@ -191,7 +191,7 @@ def without_status(target: str, scenario: Scenario, rows: NDArray[np.floating]) 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     need("node")
-    build(folder)
+    build(folder, [number])
     web(scenario, folder / "own.json", unbounded=True)
     shutil.copyfile(SOURCES / "integrations/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")

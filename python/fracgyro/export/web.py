@@ -2,7 +2,8 @@
 
 There are two kinds of files, both read by integrations/web/fracgyro.mjs and typed in fracgyro.d.ts. `web` writes one
 scenario, whose run equals `fracgyro.simulate` to the bit. `write_module_data` writes the module's data: the paper's two
-scenarios, and meaning and range of each setting. `build` compiles the module; live.py builds the live page.
+scenarios, and meaning and range of each setting. `build` compiles the modules; live.py builds the live page.
+`python -m fracgyro.export.web FOLDER` writes all files but the live page.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import json
 import math
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ..files import Replaced, whole_file
 from ..scenario import Scenario
@@ -39,6 +42,7 @@ from ..scenario.schema import Controller, Run
 from ..scenario.terms import named_terms
 from ..scenario.to_core import datasheet
 from .compilers import FLAGS, SOURCES, include, zig
+from .compilers import Number as Precision
 from .settings import columns, device_numbers, meaning, offered, reference_lists, settings, unit
 
 TARGET = ["-target", "wasm32-wasi"]
@@ -87,29 +91,33 @@ def module_data() -> dict[str, Any]:
     }
 
 
-def build(folder: Path) -> None:
-    """Builds the module and all files of a page into the folder. Raises ValueError if zig is missing or fails."""
+MODULES = {"double": "fracgyro.wasm", "float": "fracgyro-single.wasm"}  # by the precision of their controllers
+
+
+def build(folder: Path, precisions: Sequence[Precision] = get_args(Precision)) -> None:
+    """Builds the modules and all files of a page into the folder. Raises ValueError if zig is missing or fails."""
     face = SOURCES / "integrations/web"
     folder.mkdir(parents=True, exist_ok=True)
-    build_module(folder / "fracgyro.wasm")
+    with ThreadPoolExecutor() as compilers:
+        list(compilers.map(lambda precision: build_module(folder / MODULES[precision], precision), precisions))
     write_module_data(folder / "fracgyro.json")
     shutil.copyfile(face / "fracgyro.mjs", folder / "fracgyro.mjs")
     types = (face / "fracgyro.d.ts").read_text(encoding="utf-8") + settings_types()
     (folder / "fracgyro.d.ts").write_text(types, encoding="utf-8", newline="\n")
 
 
-def build_module(path: Path, *, double_only: bool = False) -> None:
-    """Builds the WebAssembly module. Raises ValueError if zig is missing or fails.
+def build_module(path: Path, precision: Precision = "double") -> None:
+    """Builds the WebAssembly module, which has no loop for float. Raises ValueError if zig is missing or fails.
 
-    `double_only`: without controllers in single precision, in two thirds of the size.
     No C or C++ library is linked: core/ and sim/ use only headers of the C++ library.
     """
     headers, source = include(SOURCES / "include"), SOURCES / "integrations/web/web.cpp"
     with tempfile.TemporaryDirectory() as scratch:
         compiled = Path(scratch) / "web.o"
         # Every browser since 2023 has 128-bit vectors.
-        small = ["-Os", "-Xclang", "-fmerge-functions", *(["-DFRACGYRO_DOUBLE_ONLY"] if double_only else [])]
-        zig("c++", *TARGET, *FLAGS, *small, "-msimd128", *headers, "-c", source, "-o", compiled)
+        small = ["-Os", "-Xclang", "-fmerge-functions", "-fno-sanitize=all"]  # zig's traps cost time, too
+        single = ["-DFRACGYRO_SINGLE"] if precision == "float" else []
+        zig("c++", *TARGET, *FLAGS, *small, *single, "-msimd128", *headers, "-c", source, "-o", compiled)
         link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic"]
         zig("cc", *TARGET, *link, compiled, "-o", path)
 
@@ -233,3 +241,7 @@ def _limits(number: Number) -> dict[str, Any]:
 def _write(document: dict[str, Any], path: str | os.PathLike[str], replaces: Replaced) -> None:
     with whole_file(path, replaces=replaces) as scratch:
         scratch.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))
