@@ -1,13 +1,12 @@
-// Whole runs on an ideal device, compiled for each kind of processor: in separate files, as they take longest to
+// Records of runs on an ideal device, compiled for each kind of processor: in a separate file, as they take longest to
 // compile.
 #pragma once
 
 #include "fracgyro/sim/any_plant.hpp"
-#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/plant/disturbance.hpp"
 
 namespace fracgyro::bindings {
 
 std::int64_t record_run(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise);
-Metrics measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise);
 
 }  // namespace fracgyro::bindings
