@@ -1,7 +1,7 @@
 // Shared by the programs that time the loop: the paper's scenario, and its runs in the lanes of a register.
 #pragma once
 
-#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/lane_setup.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 
 namespace fracgyro {

@@ -2,7 +2,7 @@
 // the place of its kind, its settings (settings.hpp), and its exponentials. Standard output: lines at each mark.
 //     without argument   up to eight runs in the lanes of a register, without contraction: the bits of single runs
 //     one argument       one run from positions with noise of this deviation; plant in double, controller in NUMBER
-#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/lane_setup.hpp"
 #include "fracgyro/sim/loop.hpp"
 #include "fracgyro/sim/settings.hpp"
 

@@ -180,7 +180,8 @@ def _used(path: Path, module: str, near: Path) -> frozenset[str]:
     return frozenset(used)
 
 
-def _python(start: Path) -> set[Path]:
+@cache
+def _python(start: Path) -> frozenset[Path]:
     """A script or module and all that it imports, however far; `CORE` for the compiled module."""
     name = ".".join(start.relative_to(ROOT).with_suffix("").parts[1:])
     found: set[Path] = set()
@@ -193,32 +194,39 @@ def _python(start: Path) -> set[Path]:
         if path.suffix == ".py":
             if path.name == "__init__.py":
                 found.update(path.parent.glob("*.toml"))
-            used = ((_file(name, start.parent), name) for name in _used(path, module, start.parent))
+            near = ROOT if _packaged(path) else start.parent  # only scripts import what is near
+            used = ((_file(name, near), name) for name in _used(path, module, near))
             waiting += [(file, name) for file, name in used if file is not None]
-    return found
+    return frozenset(found)
 
 
 # -- C++ ---------------------------------------------------------------------------------------------------------------
 
 
-def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
+@cache
+def _includes(path: Path) -> tuple[tuple[Path, bool], ...]:
+    """Files that a file includes, and whether each is one of alternatives."""
+    named = re.findall(r'^\s*#\s*include\s+"([^"]+)"', path.read_text(encoding="utf-8"), re.MULTILINE)
+    found = []
+    for name in named:
+        header = next((p for p in (path.parent / name, ROOT / "include" / name) if p.is_file()), None)
+        if header is not None:
+            alternative = header.parent.name in ALTERNATIVES and header.stem not in SHARED
+            found.append((header.resolve(), alternative and str(path.relative_to(ROOT)) in CHOICES))
+    return tuple(found)
+
+
+@cache
+def _included(start: frozenset[Path], named: frozenset[str]) -> frozenset[Path]:
     """Files and all their includes; among alternatives only the named ones, or all without names."""
     found: set[Path] = set()
     waiting = list(start)
     while waiting:
         path = waiting.pop()
-        if path in found:
-            continue
-        found.add(path)
-        for name in re.findall(r'^\s*#\s*include\s+"([^"]+)"', path.read_text(encoding="utf-8"), re.MULTILINE):
-            header = next((p for p in (path.parent / name, ROOT / "include" / name) if p.is_file()), None)
-            if header is None:
-                continue
-            alternative = header.parent.name in ALTERNATIVES and header.stem not in SHARED
-            chosen = not (named and alternative) or header.stem in named
-            if chosen or str(path.relative_to(ROOT)) not in CHOICES:
-                waiting.append(header.resolve())
-    return found
+        if path not in found:
+            found.add(path)
+            waiting += [file for file, choice in _includes(path) if not (choice and named) or file.stem in named]
+    return frozenset(found)
 
 
 # -- Logs --------------------------------------------------------------------------------------------------------------
@@ -239,6 +247,7 @@ def _declared(path: Path, log: str) -> list[str]:
     return _assigned(path, "DEPENDS_ON") or (_assigned(path, "LOGS") or {}).get(Path(log).stem, [])
 
 
+@cache
 def _is_golden(script: Path) -> bool:
     """True if golden runs stand for the core and its settings."""
     python = {path for path in _python(script) if not _packaged(path) and path.suffix == ".py"}
@@ -260,7 +269,8 @@ def sources(script: Path, log: str = "") -> list[Path]:
     return sorted(path for path in found - _covered() if not any(path.is_relative_to(folder) for folder in folders))
 
 
-def _sources(script: Path, log: str) -> tuple[set[Path], set[str]]:
+@cache
+def _sources(script: Path, log: str) -> tuple[frozenset[Path], frozenset[str]]:
     """Files of a log, and the names of the controllers and adaptations that it is limited to."""
     python = _python(script)
     own = {path for path in python if not _packaged(path) and path.suffix == ".py"}
@@ -281,7 +291,7 @@ def _sources(script: Path, log: str) -> tuple[set[Path], set[str]]:
     core = {path for path in compiled if path.parts[len(ROOT.parts)] in ("include", "bindings")}
     if CORE in python and not core:
         compiled.update((ROOT / "bindings").glob("*.cpp"))
-    return (python - {CORE}) | files | _included(compiled, named), named
+    return (python - {CORE}) | files | _included(frozenset(compiled), frozenset(named)), frozenset(named)
 
 
 @cache

@@ -8,7 +8,7 @@ std::unique_ptr<AnyController<double>> make_double(const Setup& setup) {
 
 std::unique_ptr<GuardedController> make_guarded(const Setup& setup, bool single) {
     if (single) {
-        return fracgyro::make_guarded(make_controller<float>(setup.controller, setup.common), setup.common);
+        return make_single(setup);
     }
     return fracgyro::make_guarded(make_double(setup), setup.common);
 }

@@ -1,7 +1,7 @@
 #include "scalars.hpp"
 #include "switches.hpp"
 
-#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/lane_setup.hpp"
 
 #include <map>
 #include <chrono>

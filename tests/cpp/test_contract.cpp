@@ -2,7 +2,7 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/lane_setup.hpp"
 #include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/stepper.hpp"
 

@@ -1,7 +1,7 @@
 // Runs may share a block if their coefficients differ only in per-lane numbers.
 #include "switches.hpp"
 
-#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/lane_setup.hpp"
 
 #include <gtest/gtest.h>
 

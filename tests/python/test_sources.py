@@ -22,8 +22,9 @@ def of(script: str, log: str = "") -> set[str]:
 
 
 def forget() -> None:
-    for function in (sources._tree, sources.tokens, sources.digest, sources._golden, sources._covered):
-        function.cache_clear()
+    for function in vars(sources).values():
+        if hasattr(function, "cache_clear"):
+            function.cache_clear()
 
 
 def edit(path: Path, before: str, after: str) -> None:

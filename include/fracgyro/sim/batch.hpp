@@ -82,28 +82,9 @@ struct BlockType {
     std::vector<CommonReport> (*report)(const BlockOf<T>&);
 };
 
-template <Controller C, class T = typename C::Value>
-inline constexpr BlockType<T> block_type{
-    .make = [] { return HeldBlock<T>(new Block<C>, [](BlockOf<T>* block) { delete static_cast<Block<C>*>(block); }); },
-    .prepare =
-        [](BlockOf<T>& block, const ControllerParams& params, const Common& common, std::size_t lane) {
-            auto& controller = static_cast<Block<C>&>(block).controller;
-            const auto coefficients = fracgyro::prepare<C>(params, common);
-            if (lane == 0) {
-                controller = coefficients;
-            }
-            detail::set_lane<T>(controller, coefficients, lane);
-        },
-    .report =
-        [](const BlockOf<T>& block) {
-            const auto& of_type = static_cast<const Block<C>&>(block);
-            const auto report = C::report(of_type.state, of_type.controller);
-            std::vector<CommonReport> found;
-            for (std::size_t k = 0; k < T::count; ++k) {
-                found.push_back(CommonReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); }));
-            }
-            return found;
-        }};
+// That of the controller; defined in lane_setup.hpp.
+template <class T>
+const BlockType<T>& block_type_of(const ControllerParams& controller);
 
 // At most one run per lane, of the same lane key, from t = 0 to their end; values[k] receives the metrics of run k.
 template <class Number, std::size_t count>
@@ -122,10 +103,9 @@ public:
           samples_(runs[0]->steps + 1),
           half_(runs[0]->steps / 2),
           steady_from_(first_steady_sample(params, *runs[0])) {
-        with_controller<T>(runs[0]->controller, [&]<class C>() {
-            type_ = &block_type<C>;
-            advance_ = std::get<KernelOf<C>>(kernels.advance).advance;
-        });
+        with_controller<T>(runs[0]->controller,
+                           [&]<class C>() { advance_ = std::get<KernelOf<C>>(kernels.advance).advance; });
+        type_ = &block_type_of<T>(runs[0]->controller);
         block_ = type_->make();
         fill_lanes();
     }
