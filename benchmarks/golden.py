@@ -66,6 +66,12 @@ DEVICES: dict[str, Changes] = {
         "device.force_gain_error": (1e-2, 3e-2),
         "device.force_misalignment": -2e-3,
     },
+    "known pick-offs": {
+        "device.pickoff_gain_error": (1e-3, -2e-3),
+        "device.pickoff_misalignment": 3e-3,
+        "datasheet.pickoff_gain_error": (1e-3, -2e-3),
+        "datasheet.pickoff_misalignment": 3e-3,
+    },
     "drift": {
         "device.stiffness_drift": -60.0,
         "device.damping_drift": 3e3,

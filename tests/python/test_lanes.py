@@ -226,6 +226,8 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.S
     "datasheet.position_noise": (JOINT, 1e-4),
     "datasheet.velocity_noise": (JOINT, 1e-4),
     "datasheet.delay": (JOINT, 1),
+    "datasheet.pickoff_gain_error": ({}, (0.01, 0.0)),
+    "datasheet.pickoff_misalignment": ({}, 0.01),
     "datasheet.stiffness_drift": (JOINT, 1e-3),
     "datasheet.damping_drift": (JOINT, 0.1),
     "controller.reaching_exponent": (LAYERED, 0.5),
