@@ -78,17 +78,6 @@ class IntegralSliding:
         self.share = 1 - np.exp(-self.c.disturbance_observer * self.h)
         self.zeta, self.integral, self.reached = None, np.zeros(2), 0
 
-    def squares(self, x: np.ndarray) -> np.ndarray:
-        self.away = x - self.centers + self.c.inner_loop * self.last[:, None]
-        return np.asarray((self.away**2 * self.seen).sum(axis=1))
-
-    def move(self, x: np.ndarray, phi: np.ndarray, learns: np.ndarray) -> None:
-        c, b = self.c, self.widths
-        pull = -self.h * (self.weights @ learns) * phi / b**2
-        self.widths = np.clip(b + c.width_rate * pull * self.squares(x) / b, min(c.node_width, 0.05), 10.0)
-        moved = self.centers - self.places + c.center_rate * pull[:, None] * self.away
-        self.centers = self.places + np.clip(moved, -1, 1)
-
     def __call__(self, s: fg.Sample) -> np.ndarray:
         c, h = self.c, self.h
         e = np.array(s.position) - np.array(s.reference)
@@ -349,11 +338,22 @@ class Network:
     def phi(self, x: np.ndarray) -> np.ndarray:
         if self.c.basis in ("gaussian", "membership"):
             phi = np.exp(-self.squares(x) / (2 * self.widths**2))
-            return np.asarray(phi / phi.sum() if self.c.normalized else phi)
+            return np.asarray(phi / max(phi.sum(), 1e-12) if self.c.normalized else phi)
         if self.c.basis == "chebyshev":
             angle = np.arccos(np.clip(x, -1, 1))
             return np.concatenate([[1.0], *(np.cos(k * angle) for k in range(1, int(self.c.polynomial_degree) + 1))])
         return np.array([1.0, *x] if self.c.basis == "linear" else [1.0])
+
+    def squares(self, x: np.ndarray) -> np.ndarray:
+        self.away = x - self.centers + self.c.inner_loop * self.last[:, None]
+        return np.asarray((self.away**2 * self.seen).sum(axis=1))
+
+    def move(self, x: np.ndarray, phi: np.ndarray, learns: np.ndarray) -> None:
+        c, b = self.c, self.widths
+        pull = -self.h * (self.weights @ learns) * phi / b**2
+        self.widths = np.clip(b + c.width_rate * pull * self.squares(x) / b, min(c.node_width, 0.05), 10.0)
+        moved = self.centers - self.places + c.center_rate * pull[:, None] * self.away
+        self.centers = self.places + np.clip(moved, -1, 1)
 
     def __call__(self, s: fg.Sample) -> np.ndarray:
         c, h = self.c, self.h

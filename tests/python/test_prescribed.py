@@ -16,7 +16,11 @@ NOISE = {"device.position_noise_density": 1e-13, "device.velocity_noise_density"
 FIXED = {"controller.adaptive": False}
 CUBES = {"controller.barrier_root": 0.0, "controller.barrier_cube": 0.5, "controller.damper_cube": 100.0}
 # A spring of 200, at a bound below what it leaves.
-FUNNEL = FIXED | {"controller.barrier_shape": "funnel", "controller.damper": 200.0}
+FUNNEL = FIXED | {
+    "controller.barrier_shape": "funnel",
+    "controller.bound_start": 0.6,
+    "controller.barrier_scale": 0.25,
+}
 INFEASIBLE = FIXED | {"controller.bound_final": 1e-4, "controller.barrier_scale": 50.0}
 
 

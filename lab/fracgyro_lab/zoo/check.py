@@ -63,8 +63,8 @@ from = "abstract"
 """
 
 
-READ_PDF = """# The PDF that was read: it is neither copied nor quoted. `fracgyro zoo check FILE --pdf PDF` looks up each
-# number and equation whose `from` names a page. `seen` is "text" only if each does.
+READ_PDF = """# The PDF that was read: it is neither copied nor quoted. `fracgyro zoo check FILE --pdf PDF` looks up
+# each number and equation whose `from` names a page. `seen` is "text" only if each does.
 [pdf]
 sha256 = "{sha256}"
 pages = {pages}
