@@ -120,6 +120,18 @@ OPTIONS: dict[str, Changes] = {
         "controller.surface_filter": 0.01,
     },
 }
+SETTINGS: dict[str, dict[str, Changes]] = {
+    "network": {
+        "fuzzy rules": {"controller.normalized": True, "controller.node_width": 0.7},
+        "loops and a gate": {"controller.inner_loop": 0.5, "controller.outer_loop": 0.5, "controller.gate": 0.5},
+        "moving sets": {
+            "controller.basis": "membership",
+            "controller.center_rate": 20.0,
+            "controller.width_rate": 10.0,
+        },
+    },
+    "prescribed": {"funnel": {"controller.barrier_shape": "funnel", "controller.adaptive": False}},
+}
 FAULTS = ("lost", "frozen", "inverted", "doubled", "exchanged")
 DURATION = 1.5  # 1/omega0, 1,500 steps
 SHIPPED_STEPS = 6_000
@@ -200,6 +212,9 @@ def runs() -> Iterator[tuple[str, fg.Scenario, Changes]]:
             base = paper.replace({"controller.kind": kind})
             for condition, more in (CONDITIONS | REFERENCES | {"electronics": DEVICES["electronics"]}).items():
                 yield f"{HEADERS.get(kind, kind)}: {kind}, {condition}", base, more
+    for kind, settings in SETTINGS.items():
+        for name, more in settings.items():
+            yield f"{kind}: {kind}, {name}", paper.replace({"controller.kind": kind}), {**CONDITIONS["noise"], **more}
     for name in NAMES:
         base = named(name)
         for adaptation in ("gradient", "joint"):

@@ -259,6 +259,8 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.S
     "controller.surface_layer": ({"controller.kind": "network", "controller.switching_force": 5.0}, 0.1),
     "controller.polynomial_degree": ({"controller.kind": "network", "controller.basis": "chebyshev"}, 3),
     "controller.prediction_rate": ({"controller.kind": "network", "controller.prediction_weight": 1.0}, 7.0),
+    **{f"controller.{name}": ({"controller.kind": "network"}, 0.5) for name in ("inner_loop", "outer_loop", "gate")},
+    "controller.velocity_bound": ({"controller.kind": "prescribed", "controller.barrier_shape": "funnel"}, 5.0),
     "controller.bandwidth": (locked, 0.0013),
     "controller.span": (locked, 200),
     "controller.quadrature_bandwidth": (TURNING, 0.02),
