@@ -228,8 +228,8 @@ def _size_deviation(covariance: Array, first: int, n: int, through: Complex) -> 
     for i, each in enumerate(through):
         places = [first + 2 * n + i, first + 3 * n + i]
         along = np.array([each.real, each.imag]) / abs(each) if each else np.array([1.0, 1.0])
-        found.append(float(along @ covariance[np.ix_(places, places)] @ along))
-    return np.sqrt(np.array(found))
+        found.append(math.sqrt(along @ covariance[np.ix_(places, places)] @ along))
+    return np.array(found)
 
 
 def _lean(model: SweepModel, parameters: Array, others: Array, rest: Array, drives: Array) -> tuple[Array, Array]:
