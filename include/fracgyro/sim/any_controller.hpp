@@ -307,7 +307,7 @@ struct Erased {
 };
 
 // Calls visit.template operator()<C>() with the type that represents this controller: behind an observer if the device
-// senses no velocity and the controller needs it, and behind the correction of what is measured.
+// senses no velocity and the controller needs it, and behind the correction of measurements.
 template <Scalar T, class Visit>
 void with_erased(const AnyController<T>& controller, const Common& common, Visit&& visit) {
     if (!controller.needs_velocity()) {

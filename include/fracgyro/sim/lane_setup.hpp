@@ -1,4 +1,4 @@
-// What prepares the runs of a block. Code for every controller and number of lanes, which is not critical at run time:
+// Preparation of the runs of a block. Code for every controller and number of lanes, which is not critical at run time:
 // the module compiles it in files of its own.
 #pragma once
 
