@@ -194,7 +194,7 @@ def _python(start: Path) -> frozenset[Path]:
         if path.suffix == ".py":
             if path.name == "__init__.py":
                 found.update(path.parent.glob("*.toml"))
-            near = ROOT if _packaged(path) else start.parent  # only scripts import what is near
+            near = ROOT if _packaged(path) else start.parent  # only scripts import their neighbors
             used = ((_file(name, near), name) for name in _used(path, module, near))
             waiting += [(file, name) for file, name in used if file is not None]
     return frozenset(found)

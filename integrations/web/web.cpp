@@ -1,7 +1,6 @@
-// Functions that fracgyro.mjs calls: the closed loop, and a controller by itself. One instance of the module holds one of
-// them, in these globals and in the module's memory, which is freed with the instance. The module imports nothing but
-// the caller's law, which no other run calls. FRACGYRO_SINGLE: a module of controllers in single precision, without a
-// loop.
+// Functions that fracgyro.mjs calls: the closed loop, and a controller by itself. An instance of the module holds one of
+// them, in these globals and in the module's memory, which is freed with the instance. The module imports only the
+// caller's law. FRACGYRO_SINGLE: a module of controllers in single precision, without a loop.
 #define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // called for a vector that would be too long
 #include "fracgyro/core/kernel_design.hpp"
 #include "fracgyro/sim/guarded_controller.hpp"
