@@ -66,6 +66,12 @@ DEVICES: dict[str, Changes] = {
         "device.force_gain_error": (1e-2, 3e-2),
         "device.force_misalignment": -2e-3,
     },
+    "known pick-offs": {
+        "device.pickoff_gain_error": (1e-3, -2e-3),
+        "device.pickoff_misalignment": 3e-3,
+        "datasheet.pickoff_gain_error": (1e-3, -2e-3),
+        "datasheet.pickoff_misalignment": 3e-3,
+    },
     "drift": {
         "device.stiffness_drift": -60.0,
         "device.damping_drift": 3e3,
@@ -113,6 +119,18 @@ OPTIONS: dict[str, Changes] = {
         "controller.start_rate": 3.0,
         "controller.surface_filter": 0.01,
     },
+}
+SETTINGS: dict[str, dict[str, Changes]] = {
+    "network": {
+        "fuzzy rules": {"controller.normalized": True, "controller.node_width": 0.7},
+        "loops and a gate": {"controller.inner_loop": 0.5, "controller.outer_loop": 0.5, "controller.gate": 0.5},
+        "moving sets": {
+            "controller.basis": "membership",
+            "controller.center_rate": 20.0,
+            "controller.width_rate": 10.0,
+        },
+    },
+    "prescribed": {"funnel": {"controller.barrier_shape": "funnel", "controller.adaptive": False}},
 }
 FAULTS = ("lost", "frozen", "inverted", "doubled", "exchanged")
 DURATION = 1.5  # 1/omega0, 1,500 steps
@@ -194,6 +212,9 @@ def runs() -> Iterator[tuple[str, fg.Scenario, Changes]]:
             base = paper.replace({"controller.kind": kind})
             for condition, more in (CONDITIONS | REFERENCES | {"electronics": DEVICES["electronics"]}).items():
                 yield f"{HEADERS.get(kind, kind)}: {kind}, {condition}", base, more
+    for kind, settings in SETTINGS.items():
+        for name, more in settings.items():
+            yield f"{kind}: {kind}, {name}", paper.replace({"controller.kind": kind}), {**CONDITIONS["noise"], **more}
     for name in NAMES:
         base = named(name)
         for adaptation in ("gradient", "joint"):

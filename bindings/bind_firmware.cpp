@@ -4,7 +4,7 @@
 #include "fracgyro/sim/aggregate.hpp"
 #include "fracgyro/sim/unpacked.hpp"
 #include "fracgyro/hardware/guard.hpp"
-#include "fracgyro/hardware/trigger.hpp"
+#include "fracgyro/hardware/pickoffs.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <nanobind/stl/string.h>

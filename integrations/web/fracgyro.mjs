@@ -33,6 +33,8 @@ const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", 
 const FILTERED = ["force_noise", "position_noise", "velocity_noise", "delay"];
 // Numbers of the event trigger.
 const TRIGGER = ["event_threshold", "event_share"];
+// Numbers of the datasheet by which measurements are corrected.
+const PICKOFFS = ["pickoff_gain_error[0]", "pickoff_gain_error[1]", "pickoff_misalignment"];
 
 const channelOf = (column) => column.split(/[.[]/)[0];
 
@@ -227,7 +229,7 @@ class Fracgyro {
         throw new RangeError(`controller.${name} is ${value}: with a law of your own it is ${off}`);
       }
     }
-    const around = prepared.sensing.some((number) => number > 0);
+    const around = prepared.sensing.some((number) => number !== 0);
     const device = observed || around || "device" in scenario;
     const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const width = columns.length;
@@ -301,7 +303,8 @@ class Fracgyro {
     const assumed = FILTERED.map((name) => settings[`datasheet.${name}`] ?? scenario.assumed?.[name] ?? 0);
     const filters = filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0];
     const trigger = TRIGGER.map((name) => settings[`controller.${name}`]);
-    const sensing = [observed ? bandwidth : 0, ...filters, ...trigger];
+    const pickoffs = PICKOFFS.map((name) => settings[`datasheet.${name}`]);
+    const sensing = [observed ? bandwidth : 0, ...filters, ...trigger, ...pickoffs];
     const placed = (numbers) => {
       const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
       core.doubles(at, numbers.length).set(numbers);

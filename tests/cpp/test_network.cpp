@@ -21,11 +21,12 @@ protected:
 
     T evaluate(const BasisParams& p, const Motion<double>& x) {
         c = B::prepare(p, reference);
-        return B::evaluate(c, {.position = cast<T>(x.position), .velocity = cast<T>(x.velocity)}, values);
+        return B::evaluate(c, memory, {.position = cast<T>(x.position), .velocity = cast<T>(x.velocity)}, values);
     }
     double value(std::size_t j) const { return number(values[j]); }
 
     typename B::Coefficients c{};
+    typename B::Memory memory{};
     typename B::Values values{};
     double tolerance = 20.0 * epsilon<T>;
 };
@@ -89,6 +90,130 @@ TYPED_TEST(BasisOf, TheDiagonalHasEqualInputs) {
                    {.position = {0.5, 0.5}, .velocity = {0.5, 0.5}});
     EXPECT_EQ(this->value(3), 1.0);
     EXPECT_NEAR(this->value(0), std::exp(-0.5 * 4.0 * 2.25), this->tolerance);
+}
+
+TYPED_TEST(BasisOf, AMembershipSeesOneInput) {
+    const BasisParams p{.kind = BasisKind::membership, .nodes = 15, .width = 0.5};
+    this->evaluate(p, {.position = {-1.0, 0.0}, .velocity = {1.0, 0.25}});
+    EXPECT_EQ(this->c.count, 12U);  // three for each input, at -1, 0 and 1
+    const std::array<double, 4> x{-1.0, 0.0, 1.0, 0.25};
+    for (std::size_t j = 0; j < 12; ++j) {
+        const double away = x[j % 4] - (static_cast<double>(j / 4) - 1.0);
+        EXPECT_NEAR(this->value(j), std::exp(-2.0 * away * away), this->tolerance) << j;
+    }
+}
+
+TYPED_TEST(BasisOf, NormalizedNodesSumToOneAndFadeFarAway) {
+    for (const BasisKind kind : {BasisKind::gaussian, BasisKind::membership}) {
+        const auto sum = [&](double width, double x) {
+            this->evaluate({.kind = kind, .nodes = 8, .width = width, .normalized = true}, {.position = {x, 0.3}});
+            double all = 0.0;
+            for (std::size_t j = 0; j < 8; ++j) {
+                all += this->value(j);
+            }
+            return all;
+        };
+        EXPECT_NEAR(sum(0.5, 0.2), 1.0, this->tolerance);
+        const double far = sum(0.1, 1e3);
+        EXPECT_GE(far, 0.0);
+        EXPECT_LE(far, 1.0 + this->tolerance);
+    }
+    // Polynomials have no such rules.
+    EXPECT_EQ(number(this->evaluate({.kind = BasisKind::linear, .normalized = true}, {.position = {2.0, 0.0}})), 5.0);
+}
+
+TYPED_TEST(BasisOf, AnInnerLoopAddsTheLastValueToTheInputsOfItsNode) {
+    const BasisParams p{.layout = Layout::diagonal, .nodes = 1, .width = 2.0, .inner = 0.5};
+    const Motion<double> x{.position = {1.0, 0.0}};
+    this->evaluate(p, x);
+    const double first = this->value(0);
+    EXPECT_NEAR(first, std::exp(-0.125), this->tolerance);
+    Basis<TypeParam>::remember(this->memory, this->c, this->values, {});
+    this->evaluate(p, x);
+    const double more = 0.5 * first, square = (1.0 + more) * (1.0 + more) + 3.0 * more * more;
+    EXPECT_NEAR(this->value(0), std::exp(-0.125 * square), this->tolerance);
+}
+
+TYPED_TEST(BasisOf, AnOuterLoopMovesThePositionsByTheLastForceWithinTheReference) {
+    this->evaluate({.kind = BasisKind::linear, .outer = 0.5}, {});
+    const auto positions = [&](double force) {
+        Basis<TypeParam>::remember(this->memory, this->c, this->values, vec2<TypeParam>(force, 0.0));
+        return Basis<TypeParam>::inputs(this->c, this->memory, {.position = vec2<TypeParam>(0.2, 0.1)}).position;
+    };
+    // The largest acceleration on x is 2 π².
+    expect_near(positions(pi * pi), {0.1 + 0.25, 0.2}, this->tolerance);
+    expect_near(positions(-1e9), {0.1 - 0.5, 0.2}, this->tolerance);
+}
+
+TYPED_TEST(BasisOf, AGateIsALag) {
+    const BasisParams p{.kind = BasisKind::linear, .gate = 0.75};
+    double expected = 0.0;
+    for (int n = 0; n < 5; ++n) {
+        this->evaluate(p, {.position = {2.0, 0.0}});
+        Basis<TypeParam>::remember(this->memory, this->c, this->values, {});
+        expected = 0.75 * expected + 0.25 * 2.0;
+        EXPECT_NEAR(this->value(1), expected, this->tolerance);
+    }
+}
+
+// By the difference of φ for each center and width, with weights that make W's product with s one.
+TYPED_TEST(BasisOf, CentersAndWidthsMoveAgainstTheForceThatTheyAdd) {
+    using B = Basis<TypeParam>;
+    for (const BasisKind kind : {BasisKind::gaussian, BasisKind::membership}) {
+        const BasisParams p{.kind = kind, .nodes = 8, .width = 0.8, .center_rate = 3.0, .width_rate = 2.0};
+        const Motion<double> x{.position = {0.4, -0.3}, .velocity = {0.2, 0.7}};
+        this->memory = {};
+        this->evaluate(p, x);
+        std::array<Vec2<TypeParam>, B::most> weights{};
+        weights.fill(vec2<TypeParam>(2.0, 1.0));
+        const Motion<TypeParam> seen{.position = cast<TypeParam>(x.position), .velocity = cast<TypeParam>(x.velocity)};
+        auto moved = this->memory;
+        B::move(moved, this->c, seen, this->values, weights, vec2<TypeParam>(1e-3, -1e-3));
+        const double small = std::is_same_v<TypeParam, float> ? 1e-2 : 1e-5;
+        for (std::size_t j = 0; j < 8; ++j) {
+            const auto slope = [&](auto change) {
+                typename B::Memory up{}, down{};
+                change(up, small);
+                change(down, -small);
+                typename B::Values above{}, below{};
+                B::evaluate(this->c, up, seen, above);
+                B::evaluate(this->c, down, seen, below);
+                return (number(above[j]) - number(below[j])) / (2.0 * small);
+            };
+            const double by_center = slope([&](auto& m, double d) { m.centers[j].position = vec2<TypeParam>(d, 0.0); });
+            const double by_width = slope([&](auto& m, double d) { m.widths[j] = TypeParam(d); });
+            if (kind == BasisKind::gaussian || j % 4 == 0) {
+                EXPECT_NEAR(number(moved.centers[j].position.x()), -3.0 * 1e-3 * by_center, 1e-6) << j;
+            }
+            EXPECT_NEAR(number(moved.widths[j]), -2.0 * 1e-3 * by_width, 1e-6) << j;
+        }
+    }
+}
+
+TYPED_TEST(BasisOf, CentersAndWidthsStayInTheirRange) {
+    using B = Basis<TypeParam>;
+    this->evaluate({.nodes = 4, .width = 0.8, .center_rate = 1e6, .width_rate = 1e6}, {.position = {0.4, -0.3}});
+    std::array<Vec2<TypeParam>, B::most> weights{};
+    weights.fill(vec2<TypeParam>(2.0, 1.0));
+    for (const double push : {1.0, -1e9, 1e30}) {
+        const Motion<TypeParam> far{.position = vec2<TypeParam>(1e25, 0.0)};
+        B::move(this->memory, this->c, far, this->values, weights, vec2<TypeParam>(push, 0.0));
+        B::evaluate(this->c, this->memory, far, this->values);
+        for (std::size_t j = 0; j < 4; ++j) {
+            const auto& center = this->memory.centers[j];
+            EXPECT_LE(std::fabs(number(center.position.x())), 1.0);
+            EXPECT_LE(std::fabs(number(center.velocity.y())), 1.0);
+            EXPECT_GE(number(this->memory.widths[j]) + 0.8, 0.05 - this->tolerance);
+            EXPECT_LE(number(this->memory.widths[j]) + 0.8, 10.0 + this->tolerance);
+            EXPECT_TRUE(std::isfinite(this->value(j)));
+        }
+    }
+}
+
+TEST(Basis, LoopsAndGateDoNotChangeTheLargestSquare) {
+    const auto largest = [](const BasisParams& p) { return Basis<double>::largest_on_orbit(p, reference); };
+    EXPECT_EQ(largest({.inner = 1.0, .outer = 1.0, .gate = 0.9}), largest({}));
+    EXPECT_LT(largest({.normalized = true}), largest({}));
 }
 
 TEST(Basis, TheLargestSquareOnTheOrbitIsThatOfTheSines) {
@@ -291,6 +416,30 @@ TYPED_TEST(NetworkOf, NoWeightOfThePredictionDiverges) {
     }
 }
 
+TYPED_TEST(NetworkOf, WithoutASampleLoopsRestAndAStartOverForgetsThem) {
+    NetworkParams law = constant;
+    law.basis = {.kind = BasisKind::gaussian, .nodes = 4, .outer = 1.0, .gate = 0.5, .center_rate = 5.0};
+    this->prepare(law);
+    this->step(0.2);
+    this->step(0.3);
+    const auto& memory = this->state.memory;
+    const double value = number(memory.values[0]), force = number(memory.force.x());
+    const double center = number(memory.centers[0].position.x());
+    EXPECT_NE(force, 0.0);
+    EXPECT_NE(center, 0.0);
+    const Sample<TypeParam> assumed{.value = vec2<TypeParam>(3.0, 3.0)};
+    this->step(0.0, &assumed);
+    EXPECT_EQ(number(memory.values[0]), value);
+    EXPECT_EQ(number(memory.force.x()), force);
+    EXPECT_EQ(number(memory.centers[0].position.x()), center);
+    TestFixture::C::start_over(this->state, true);
+    EXPECT_EQ(number(memory.values[0]), 0.0);
+    EXPECT_EQ(number(memory.force.x()), 0.0);
+    EXPECT_EQ(number(memory.centers[0].position.x()), center);
+    TestFixture::C::start_over(this->state, false);
+    EXPECT_EQ(number(memory.centers[0].position.x()), 0.0);
+}
+
 // -- On the paper's plant, in noise
 
 template <class Params>
@@ -343,6 +492,24 @@ TEST(Network, NodesLearnWhatTheModelLacksAndOnlyIfTheyAreWhereTheMotionIs) {
     EXPECT_GT(error_of({.layout = Layout::diagonal, .nodes = 7}), 8.0 * gaussian);
     EXPECT_GT(error_of({}, /*minimal=*/true), 8.0 * gaussian);
     EXPECT_GT(error_of({}, false, /*model=*/false), 8.0 * gaussian);
+}
+
+// A surface without any learning has more than eight times the error of the nodes.
+TEST(Network, EachSettingLearnsButNoneLowersTheErrorByATenth) {
+    const double plain = error_of({});
+    const auto check = [&](const BasisParams& p) {
+        const double error = error_of(p);
+        EXPECT_NE(error, plain);
+        EXPECT_GT(error, 0.9 * plain);
+        EXPECT_LT(error, 5.0 * plain);
+    };
+    check({.inner = 0.5});
+    check({.outer = 0.5});
+    check({.gate = 0.5});
+    check({.center_rate = 5.0, .width_rate = 5.0});
+    check({.normalized = true});
+    check({.kind = BasisKind::membership, .nodes = 20});
+    check({.normalized = true, .inner = 0.5, .outer = 0.5, .gate = 0.5, .center_rate = 5.0, .width_rate = 5.0});
 }
 
 TEST(Network, WeightsStayBoundedInNoiseWithoutALeak) {

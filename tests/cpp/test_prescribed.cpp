@@ -167,6 +167,48 @@ TYPED_TEST(PrescribedOf, WithoutASampleNothingIsLearnedOrWidenedAndTheBoundShrin
     EXPECT_EQ(learned(), 0.0);
 }
 
+TYPED_TEST(PrescribedOf, AFunnelHasGainsThatGrowTowardsBothBounds) {
+    // ρ = 1: k_e = 1/(ξ (1 - ½)) and k_v = 10 (4 ½)/(4 - 3).
+    this->prepare(unlearned({.shape = BarrierShape::funnel,
+                             .bound_final = 0.5,
+                             .bound_rate = 2.0,
+                             .barrier_scale = 0.25,
+                             .damper = 10.0,
+                             .velocity_bound = 4.0}));
+    EXPECT_NEAR(number(this->step(0.5, 3.0).report.frequency.x()), 4.0, this->tolerance);
+    this->prepare(unlearned({.shape = BarrierShape::funnel,
+                             .bound_final = 0.5,
+                             .bound_rate = 2.0,
+                             .barrier_scale = 0.25,
+                             .damper = 10.0,
+                             .velocity_bound = 4.0}));
+    EXPECT_NEAR(this->force(0.5, -3.0), -(8.0 * 8.0) * 0.5 + 20.0 * 3.0, 30.0 * this->tolerance);
+}
+
+TYPED_TEST(PrescribedOf, BeyondItsBoundsAFunnelHasTheGainsThatAStepBears) {
+    const Law law = unlearned({.shape = BarrierShape::funnel, .bound_final = 0.5, .barrier_scale = 1e-9});
+    this->prepare(law);
+    // The bound was widened to 1.2 |e|.
+    EXPECT_NEAR(this->force(2.0, 0.0), -0.25 / (h * h) * 2.0, 1e6 * this->tolerance);
+    this->prepare(law);
+    EXPECT_NEAR(this->force(0.0, 1e3), -0.8 / h * 1e3, 1e6 * this->tolerance);
+    Law undamped = law;
+    undamped.damper = 0.0;
+    this->prepare(undamped);
+    EXPECT_EQ(this->force(0.0, 1e3), 0.0);
+}
+
+TYPED_TEST(PrescribedOf, AFunnelThatWasLeftKeepsItsSpring) {
+    this->prepare(
+        unlearned({.shape = BarrierShape::funnel, .bound_final = 0.25, .bound_rate = 100.0, .barrier_scale = 2.0}));
+    this->step(0.0);
+    this->step(5.0);
+    const double bound = 0.25 + 5.75 * std::exp(-0.1), course = 0.25 + 0.75 * std::exp(-0.2);
+    const double gain = 1.0 / (2.0 * course * (1.0 - 0.1 / bound));
+    EXPECT_NEAR(this->force(0.1, 0.0), -gain * gain * 0.1, this->tolerance);
+    EXPECT_EQ(number(this->state.left), 1.0);
+}
+
 // -- In noise, on the paper's plant, known within 5 %
 
 struct Kept {
@@ -197,6 +239,15 @@ TEST(Prescribed, AFeasibleBoundIsKeptFromEveryStart) {
             EXPECT_LT(found.share, 1.0) << bound << ' ' << n;
             EXPECT_EQ(found.left, 0.0) << bound << ' ' << n;
         }
+    }
+}
+
+TEST(Prescribed, AFeasibleFunnelIsKeptFromEveryStart) {
+    for (int n = 0; n < 10; ++n) {
+        const Vec2<double> start{std::cos(0.7 * n), 1.0 + std::sin(1.3 * n)};
+        const Kept found = run({.shape = BarrierShape::funnel, .barrier_scale = 1.0 / (200.0 * 0.01)}, start);
+        EXPECT_LT(found.share, 1.0) << n;
+        EXPECT_EQ(found.left, 0.0) << n;
     }
 }
 

@@ -16,11 +16,13 @@ namespace fracgyro::testing {
 namespace {
 
 using Joint = SlidingModeController<double, LinearSurface, JointAdaptation>;
-static_assert(std::is_same_v<ForDevice<Pid<double>, false, false, false>::Type, Pid<double>>);
-static_assert(std::is_same_v<ForDevice<Pid<double>, false, false, true>::Type, Triggered<Pid<double>>>);
-static_assert(std::is_same_v<ForDevice<Pid<double>, true, false, true>::Type, Observing<Triggered<Pid<double>>>>);
-static_assert(std::is_same_v<ForDevice<Pid<double>, true, true, true>::Type, Filtered<Triggered<Pid<double>>, false>>);
-static_assert(std::is_same_v<ForDevice<Joint, true, false, true>::Type, Triggered<FromPositions<Joint>::Type>>);
+static_assert(std::is_same_v<ForDevice<Pid<double>, false, false, false, false>::Type, Pid<double>>);
+static_assert(std::is_same_v<ForDevice<Pid<double>, false, false, true, false>::Type, Triggered<Pid<double>>>);
+static_assert(
+    std::is_same_v<ForDevice<Pid<double>, true, false, true, false>::Type, Observing<Triggered<Pid<double>>>>);
+static_assert(
+    std::is_same_v<ForDevice<Pid<double>, true, true, true, false>::Type, Filtered<Triggered<Pid<double>>, false>>);
+static_assert(std::is_same_v<ForDevice<Joint, true, false, true, false>::Type, Triggered<FromPositions<Joint>::Type>>);
 static_assert(!measures_velocity<Triggered<OpenLoop<double>>> && Resumable<Triggered<OpenLoop<double>>>);
 
 template <class T>
@@ -143,7 +145,7 @@ void expect_erased() {
     a.common.observer_bandwidth = positions_only ? 300.0 : 0.0;
     a.common.filter.bandwidth = filtered ? 40.0 : 0.0;
     a.common.filter.assumed = {.force_noise = 1.0, .position_noise = noise, .velocity_noise = noise};
-    using C = typename ForDevice<Pid<T>, positions_only && filtered, filtered, true>::Type;
+    using C = typename ForDevice<Pid<T>, positions_only && filtered, filtered, true, false>::Type;
     const auto c = C::prepare(a.law, a.common);
     typename C::State state{};
     const auto make = [&] {

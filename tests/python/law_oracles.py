@@ -271,6 +271,26 @@ class Prescribed:
         course = c.bound_final + (self.first - c.bound_final) * np.exp(-c.bound_rate * s.time)
         self.rho = np.where(np.abs(e) > (1 - 2**-10) * self.rho, 1.2 * np.abs(e), self.rho)
         self.widened += bool(np.any(self.rho > 1.01 * course))
+        if c.barrier_shape == "funnel":
+            z = de + c.bound_rate * (1 - c.bound_final / self.rho) * e
+            gain = np.minimum(1 / (self.xi * course * np.maximum(1 - np.abs(e) / self.rho, 2**-10)), 0.5 / h)
+            last = c.damper * c.velocity_bound * c.bound_final
+            push = -(gain**2) * e - last * de / np.maximum(c.velocity_bound * self.rho - np.abs(de), 1.25 * h * last)
+        else:
+            z, push = self.barrier(e, de, course)
+        position, velocity, acceleration = self.held[:, n]
+        wanted = laws.force(q + position - r, v + velocity - dr) + acceleration + push
+        force = np.clip(wanted, -c.force_limit, c.force_limit)
+        self.reached += bool(np.any(force != wanted))
+        self.rho = c.bound_final + np.exp(-c.bound_rate * h) * (self.rho - c.bound_final)
+        self.rho = np.where(force != wanted, np.maximum(self.rho, 1.2 * np.abs(e)), self.rho)
+        if (wanted - force) @ z >= 0:
+            laws.learn(q, v, z)
+        return np.asarray(force)
+
+    def barrier(self, e: np.ndarray, de: np.ndarray, course: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """z, and the force besides that of the plant and the reference."""
+        c, h = self.c, self.h
         fall = -c.bound_rate * (self.rho - c.bound_final), -c.bound_rate * (course - c.bound_final)
         small = 1e-7
         ends = [self.follows(e + t * de, self.rho + t * fall[0], course + t * fall[1]) for t in (-small, small)]
@@ -280,16 +300,7 @@ class Prescribed:
             c.damper * np.abs(z) + 2**-0.75 * c.damper_root * np.sqrt(np.abs(z)) + c.damper_cube / 4 * np.abs(z) ** 3
         )
         turns = (ends[1] - ends[0]) / (2 * small) - self.epsilon(e, self.rho, course) / barrier
-        position, velocity, acceleration = self.held[:, n]
-        wanted = laws.force(q + position - r, v + velocity - dr) + acceleration + turns
-        wanted = wanted - np.sign(z) * np.minimum(damps, np.abs(z) / h)
-        force = np.clip(wanted, -c.force_limit, c.force_limit)
-        self.reached += bool(np.any(force != wanted))
-        self.rho = c.bound_final + np.exp(-c.bound_rate * h) * (self.rho - c.bound_final)
-        self.rho = np.where(force != wanted, np.maximum(self.rho, 1.2 * np.abs(e)), self.rho)
-        if (wanted - force) @ z >= 0:
-            laws.learn(q, v, z)
-        return np.asarray(force)
+        return z, np.asarray(turns - np.sign(z) * np.minimum(damps, np.abs(z) / h))
 
 
 class Network:
@@ -305,10 +316,17 @@ class Network:
         self.centers = self.orbit(np.arange(nodes) / nodes * period)
         if self.c.layout == "diagonal":
             self.centers = np.linspace(-1, 1, nodes)[:, None] * np.ones(4)
+        self.seen = np.ones((nodes, 4))  # inputs of each node
+        if self.c.basis == "membership":
+            self.centers = np.repeat(np.linspace(-1, 1, nodes // 4), 4)[:, None] * np.ones(4)
+            self.seen = np.tile(np.eye(4), (nodes // 4, 1))
+        self.places, self.widths = self.centers.copy(), np.full(len(self.centers), self.c.node_width)
+        self.last, self.force = np.zeros(1), np.zeros(2)
         on_orbit = [self.phi(x) for x in self.orbit(np.arange(256) / 256 * period)]
         self.largest = max(phi @ phi for phi in on_orbit)
         self.rate = self.h * min(self.c.learning_frequency**2, 0.9 * self.c.reaching_rate / self.h)
         self.weights, self.theta, self.reached = np.zeros((len(on_orbit[0]), 2)), 0.0, 0
+        self.last = np.zeros(len(on_orbit[0]))
         follows = (1 - np.exp(-self.h * self.c.prediction_rate)) / self.h
         most = max(follows * (0.9 / self.rate - 1 / self.c.reaching_rate), 0.0)
         self.weight, self.model = 0.0 if self.c.minimal else min(self.c.prediction_weight, most), None
@@ -318,12 +336,24 @@ class Network:
         return np.concatenate([np.sin(angle), np.cos(angle)], axis=1)
 
     def phi(self, x: np.ndarray) -> np.ndarray:
-        if self.c.basis == "gaussian":
-            return np.asarray(np.exp(-((x - self.centers) ** 2).sum(axis=1) / (2 * self.c.node_width**2)))
+        if self.c.basis in ("gaussian", "membership"):
+            phi = np.exp(-self.squares(x) / (2 * self.widths**2))
+            return np.asarray(phi / max(phi.sum(), 1e-12) if self.c.normalized else phi)
         if self.c.basis == "chebyshev":
             angle = np.arccos(np.clip(x, -1, 1))
             return np.concatenate([[1.0], *(np.cos(k * angle) for k in range(1, int(self.c.polynomial_degree) + 1))])
         return np.array([1.0, *x] if self.c.basis == "linear" else [1.0])
+
+    def squares(self, x: np.ndarray) -> np.ndarray:
+        self.away = x - self.centers + self.c.inner_loop * self.last[:, None]
+        return np.asarray((self.away**2 * self.seen).sum(axis=1))
+
+    def move(self, x: np.ndarray, phi: np.ndarray, learns: np.ndarray) -> None:
+        c, b = self.c, self.widths
+        pull = -self.h * (self.weights @ learns) * phi / b**2
+        self.widths = np.clip(b + c.width_rate * pull * self.squares(x) / b, min(c.node_width, 0.05), 10.0)
+        moved = self.centers - self.places + c.center_rate * pull[:, None] * self.away
+        self.centers = self.places + np.clip(moved, -1, 1)
 
     def __call__(self, s: fg.Sample) -> np.ndarray:
         c, h = self.c, self.h
@@ -333,7 +363,9 @@ class Network:
         q, v = position + e, velocity + de
         surface = de + c.surface_gain * e
         seen = (position, velocity) if c.network_inputs == "reference" else (q, v)
-        phi = self.phi(np.concatenate([seen[0], seen[1] / self.frequency]))
+        fed_back = c.outer_loop * np.clip(self.force / self.frequency**2, -1, 1)
+        x = np.concatenate([seen[0] + fed_back, seen[1] / self.frequency])
+        phi = (1 - c.gate) * self.phi(x) + c.gate * self.last
         share = min(phi @ phi / self.largest, 1.0)
         learned = -self.theta * share / 2 * surface if c.minimal else phi @ self.weights
         model = (self.damping + self.coriolis) @ v + self.stiffness @ q if c.model else 0.0
@@ -349,6 +381,9 @@ class Network:
         # z decays by beta, and the acceleration under the acting force is what the network makes of it.
         self.model = de - np.exp(-h * c.prediction_rate) * missed + h * (force - model - acceleration - learned)
         learns = active * surface + self.weight * missed
+        if c.center_rate > 0 or c.width_rate > 0:
+            self.move(x, phi, learns)
+        self.last, self.force = phi, learned
         self.weights = keep * self.weights - self.rate / max(phi @ phi, self.largest) * np.outer(phi, learns)
         return np.asarray(force)
 

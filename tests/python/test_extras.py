@@ -28,6 +28,7 @@ MODULES = {
     "study": ["cmaes", "jinja2", "matplotlib", "optuna", "pyarrow", "scipy", "sqlalchemy"],
     "export": ["fmpy", "jinja2", "ziglang"],
     "cluster": ["dask", "distributed", "psycopg"],
+    "pdf": ["pypdf"],
     "interop": ["control", "gymnasium", "pint", "pint_xarray", "scipy"],
 }
 ALL = sorted({module for modules in MODULES.values() for module in modules})
@@ -84,6 +85,7 @@ def test_a_function_is_not_hidden_by_its_module() -> None:
         ("study", "compare track --quick --out out"),
         ("study", "enter linear --out entry.json"),
         ("export", "export fmu my.toml --out my.fmu --unbounded"),
+        ("pdf", "zoo new 10.1000/mine --pdf paper.pdf --out mine.toml"),
         ("cluster", "sweep study.toml --out out --scheduler tcp://127.0.0.1:1"),
     ],
 )

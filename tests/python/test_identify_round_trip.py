@@ -49,10 +49,13 @@ def identified(name: str, seed: int) -> fg.identify.Found:
     return fg.identify(fg.identify.Record(*record, interval=interval), mass=device.plant.mass, pickoff=1.0)
 
 
-def in_pickoff_axes(name: str, nominal: fg.Scenario, ratio: float) -> fg.Scenario:
-    """The device, in the axes of its pick-offs, of which a controller knows `nominal`; `ratio`: left of the gains."""
+def in_pickoff_axes(name: str, nominal: fg.Scenario, known: float | None = None) -> fg.Scenario:
+    """The device, in the axes of its pick-offs, of which a controller knows `nominal`; `known`: another pick-off ratio
+    that it knows."""
     turn = np.array([[math.cos(TURN), -math.sin(TURN)], [math.sin(TURN), math.cos(TURN)]])
-    changes: dict[str, object] = {"device.pickoff_gain_error": (0.0, ratio - 1)}
+    changes: dict[str, object] = {"device.pickoff_gain_error": (0.0, RATIOS[name] - 1)}
+    if known is not None:
+        changes["datasheet.pickoff_gain_error"] = (0.0, known - 1)
     for entry in ("stiffness", "damping"):
         own, known = getattr(shipped(name).plant, entry), getattr(nominal.plant, entry)
         true = turn @ np.array([[own.xx, own.xy], [own.xy, own.yy]]) @ turn.T
@@ -97,14 +100,13 @@ def test_the_errors_of_a_sensor_told_the_identified_device_are_those_predicted(n
     found, full = identified(name, seed), shipped(name).plant.angular_rate
     prediction = found.prediction
     assert prediction is not None
-    left = RATIOS[name] / found["pickoff_ratio"].value
     nominal = found.scenario()
-    nearly = in_pickoff_axes(name, nominal, left)
-    exact = in_pickoff_axes(name, nominal, 1.0)
+    nearly = in_pickoff_axes(name, nominal)
+    exact = in_pickoff_axes(name, nominal, RATIOS[name])
     still, turned = (late(nearly, rate) - late(exact, rate) for rate in (0.0, full))
     assert abs(math.degrees(still) * 3600) < 1.6 * prediction.bias
     assert abs(turned - still) / full * 1e6 < 1.6 * prediction.scale_factor
-    untold = in_pickoff_axes(name, nominal, RATIOS[name])
+    untold = in_pickoff_axes(name, nominal, 1.0)
     before = (late(untold, full) - late(exact, full)) / full * 1e6
     assert before == pytest.approx(-5e5 * (RATIOS[name] - 1), rel=0.1)
     assert prediction.scale_factor < 0.1 * abs(before)
@@ -114,28 +116,29 @@ def test_the_errors_of_a_sensor_told_the_identified_device_are_those_predicted(n
 def test_a_joint_filter_settles_sooner_from_the_identified_scenario(name: str) -> None:
     """Than from the device as shipped, whose axes are not turned and whose pick-offs are equal.
 
-    From an estimate of zero to within 2 %, with y divided by the identified ratio, or as it is.
+    From an estimate of zero to within 2 %; the controller knows the identified ratio, or none.
     """
     full, found = shipped(name).plant.angular_rate, identified(name, 1)
     nominal = found.scenario()
     noise = {"device.position_noise_density": nominal.device.position_noise_density}
-    left = RATIOS[name] / found["pickoff_ratio"].value
     settled = []
-    for known, ratio in ((nominal, left), (shipped(name).replace(noise), RATIOS[name])):
-        time, values = rates(in_pickoff_axes(name, known, ratio), full, first=0.0)
+    for known in (nominal, shipped(name).replace(noise)):
+        time, values = rates(in_pickoff_axes(name, known), full, first=0.0)
         settled.append(time[np.flatnonzero(abs(values - full) > 0.02 * full)[-1]])
     assert settled[0] < 0.5 * settled[1]
 
 
 def test_the_figures_of_the_identified_sensor_are_those_of_the_device(tmp_path: Path) -> None:
-    """`fracgyro rate --quick` of both, in shorter runs: each figure's interval holds the other's value."""
+    """`fracgyro rate --quick` of both, in shorter runs: each figure's interval holds the other's value.
+
+    The pick-offs of the identified one are turned and unequal, which its controller knows.
+    """
     found = identified("dual mass", 1)
     noise = {"device.position_noise_density": found.scenario().device.position_noise_density}
     short = {"run.duration": 5000.0, "run.step": 0.1, "plant.angular_rate": shipped("dual mass").plant.angular_rate}
     figures = []
     for i, scenario in enumerate((found.scenario(axes="principal"), shipped("dual mass").replace(noise))):
-        aligned = {"device.pickoff_misalignment": 0.0, "device.force_misalignment": 0.0,
-                   "device.pickoff_gain_error": (0.0, 0.0), "adaptation.initial_ratio": 1.0,
+        aligned = {"device.force_misalignment": 0.0, "adaptation.initial_ratio": 1.0,
                    "reference.amplitude": (1.0, 1.0), "plant.reference_length": 5e-6}  # fmt: skip
         listed = fg.rate.characterise(scenario.replace({**short, **aligned}), tmp_path / f"{i}", quick=True, rest=0.2)
         figures.append({each.key: each for each in listed})

@@ -24,6 +24,16 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "no model": {"model": False},
     "prediction": {"prediction_weight": 2.0},
     "prediction, fast": {"basis": "linear", "prediction_weight": 50.0, "prediction_rate": 40.0},
+    "fuzzy": {"normalized": True, "nodes": 9, "node_width": 0.6},
+    "memberships": {"basis": "membership", "nodes": 12, "normalized": True, "node_width": 0.7},
+    "inner loop": {"inner_loop": 0.7, "nodes": 8},
+    "outer loop": {"outer_loop": 0.9, "basis": "linear"},
+    "gate": {"gate": 0.6, "basis": "chebyshev"},
+    "moving": {"center_rate": 30.0, "width_rate": 20.0, "nodes": 10},
+    "all": {
+        **{"basis": "membership", "normalized": True, "inner_loop": 0.4, "outer_loop": 0.3, "gate": 0.5},
+        **{"center_rate": 10.0, "width_rate": 5.0, "prediction_weight": 1.0},
+    },
 }
 
 

@@ -16,10 +16,15 @@ NOISE = {"device.position_noise_density": 1e-13, "device.velocity_noise_density"
 FIXED = {"controller.adaptive": False}
 CUBES = {"controller.barrier_root": 0.0, "controller.barrier_cube": 0.5, "controller.damper_cube": 100.0}
 # A spring of 200, at a bound below what it leaves.
+FUNNEL = FIXED | {
+    "controller.barrier_shape": "funnel",
+    "controller.bound_start": 0.6,
+    "controller.barrier_scale": 0.25,
+}
 INFEASIBLE = FIXED | {"controller.bound_final": 1e-4, "controller.barrier_scale": 50.0}
 
 
-@pytest.mark.parametrize("gains", [{}, FIXED, CUBES], ids=["default", "fixed", "cubes"])
+@pytest.mark.parametrize("gains", [{}, FIXED, CUBES, FUNNEL], ids=["default", "fixed", "cubes", "funnel"])
 @pytest.mark.parametrize("limit", [np.inf, 700.0])
 def test_it_is_its_transcription(limit: float, gains: dict[str, Any]) -> None:
     changes = {"controller.barrier_root": 0.0, **gains, **NOISE, "controller.force_limit": limit}
@@ -47,4 +52,4 @@ def test_a_bound_that_cannot_be_kept_is_reported_and_control_is_not_lost() -> No
 
 
 def test_lanes_and_single_precision() -> None:
-    assert_lanes_agree([SHORT.replace(gains) for gains in ({}, FIXED, CUBES, INFEASIBLE)])
+    assert_lanes_agree([SHORT.replace(gains) for gains in ({}, FIXED, CUBES, FUNNEL, INFEASIBLE)])

@@ -24,6 +24,9 @@ BESIDES = {
     "controller.observer_bandwidth",
     "controller.event_threshold",
     "controller.event_share",
+    "datasheet.pickoff_gain_error[0]",
+    "datasheet.pickoff_gain_error[1]",
+    "datasheet.pickoff_misalignment",
 }
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = fg.Scenario.paper()

@@ -118,6 +118,14 @@ SCENARIOS = {
     "sliding mode behind the filter of positions": SHORT.replace(
         {"controller.filter": "kalman", "device.sensing": "position", "device.position_noise": 1e-11, "device.delay": 1}
     ),
+    "pick-offs that the controller knows": SHORT.replace(
+        {
+            "device.pickoff_gain_error": (0.01, -0.02),
+            "device.pickoff_misalignment": 0.03,
+            "datasheet.pickoff_gain_error": (0.01, -0.02),
+            "datasheet.pickoff_misalignment": 0.03,
+        }
+    ),
     "PID whose force is sent by events": SHORT.replace(
         {"controller.kind": "pid", "controller.event_threshold": 5.0, "controller.event_share": 0.02}
     ),

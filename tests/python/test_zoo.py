@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from pathlib import Path
@@ -15,7 +16,7 @@ from click.testing import CliRunner
 from fracgyro.cli import cli
 from fracgyro.scenario.scales import Scales
 from fracgyro_lab.verdicts import FAILED, HELD
-from fracgyro_lab.zoo import criteria, extra, facts, fig, laws, page, run
+from fracgyro_lab.zoo import criteria, extra, facts, fig, laws, page, pdf, run
 from fracgyro_lab.zoo.check import missing
 from fracgyro_lab.zoo.criteria import CRITERIA, Laws, Material, judge
 from fracgyro_lab.zoo.facts import Facts, Given, entries, entry, plants
@@ -226,6 +227,59 @@ def test_a_network_must_beat_an_integral_by_a_tenth() -> None:
     assert not criteria.beats_integral_action(material(judged([0.5])))[0], "without the integral nothing is decided"
 
 
+@pytest.mark.parametrize(
+    ("criterion", "other", "words"),
+    [
+        ("beats_nodes", "network", "of the plain network of 16 nodes"),
+        ("beats_unsupervised", "fuzzy_direct", "without the supervisory term"),
+    ],
+)
+def test_a_part_must_lower_the_error_by_a_tenth(criterion: str, other: str, words: str) -> None:
+    decide = CRITERIA[criterion][1]
+    held, found = decide(material(judged([0.8, 0.8]), **{other: judged([1.0, 1.0])}))
+    assert held
+    assert found == f"the error is 0.8 [0.8, 0.8] times that {words}."
+    assert not decide(material(judged([0.95] * 2), **{other: judged([1.0] * 2)}))[0]
+
+
+def test_loops_are_judged_on_the_network_whatever_the_law() -> None:
+    others = {"network": judged([1.0, 1.0]), "network_loops": judged([0.5, 0.5])}
+    assert criteria.loops_help(material(judged([9.0, 9.0]), **others))[0]
+    others["network_loops"] = judged([1.0, 1.0])
+    assert not criteria.loops_help(material(judged([0.1, 0.1]), **others))[0]
+
+
+def test_a_transient_is_smaller_by_a_tenth() -> None:
+    def law(transient: float | None) -> dict[str, Any]:
+        found = judged([1.0])
+        found["metrics"] |= {"rmse_transient_x": [transient], "rmse_transient_y": [transient]}
+        return found
+
+    held, words = criteria.smaller_transient(material(law(0.08), linear=law(0.1)))
+    assert held
+    assert words == "transient RMS error 0.08 against 0.1 of the linear surface."
+    assert not criteria.smaller_transient(material(law(0.095), linear=law(0.1)))[0]
+    assert not criteria.smaller_transient(material(law(None), linear=law(0.1)))[0]
+
+
+def test_an_event_trigger_saves_if_a_threshold_keeps_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def sent(scenario: fg.Scenario, seeds: Any) -> dict[float, tuple[float, float]]:
+        quiet = scenario.device.position_noise_density == 0.0
+        return {1.0: (0.9, 1.0), 3.0: (0.3 if quiet else 0.7, 1.01), 10.0: (0.1, 2.0)}
+
+    monkeypatch.setattr(extra, "sending", sent)
+    noisy = material(judged([1.0])).noisy
+    loud = fg.Scenario.paper().replace({"device.position_noise_density": 1e-13})
+    m = Material(facts_of(), "law", Laws(noisy.judged, {"law": loud}, noisy.failed, [0]), noisy, {})
+    assert not criteria.saves(m)[0]
+    held, words = criteria.saves_without_noise(m)
+    assert held
+    assert words == (
+        "forces sent with thresholds of 1, 3, 10: 90% at 1.00 times the error, 30% at 1.01 times the error, "
+        "10% at 2.00 times the error."
+    )
+
+
 def test_less_chattering_counts_only_at_no_larger_an_error() -> None:
     others = {"linear": judged([1.0], chattering=0.2)}
     assert criteria.less_chattering(material(judged([1.0]), **others))[0]
@@ -306,6 +360,16 @@ def test_the_estimates_of_the_paper_grow_and_a_pid_learns_nothing(monkeypatch: p
     assert extra.drift(paper(controller__kind="pid"), 0) is None
 
 
+def test_a_higher_threshold_sends_less_at_a_larger_error() -> None:
+    scenario = paper(controller__kind="pid", controller__natural_frequency=200.0, disturbance__kind="none")
+    found = extra.sending(scenario, [0])
+    assert list(found) == list(extra.THRESHOLDS)
+    shares, errors = zip(*found.values(), strict=True)
+    assert list(shares) == sorted(shares, reverse=True)
+    assert 0.0 < shares[-1] < 0.2 < shares[0]
+    assert errors[0] < 1.05 < errors[-1]
+
+
 def test_a_pid_converges_sooner_from_near(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extra, "FAR", 10.0)
     scenario = paper(controller__kind="pid", controller__natural_frequency=50.0, adaptation__initial_ratio=1.0)
@@ -336,6 +400,20 @@ def test_a_trace_has_the_largest_error_of_each_part_and_blocks_show_it() -> None
     assert page.blocks(found) == "▁" * 12 + "█" * 12
     assert page.blocks([*found[:30], *[None] * 30]) == "▁" * 12 + " " * 12
     assert page.blocks([1e-3] * 60, width=4) == "▅▅▅▅"
+
+
+@pytest.mark.parametrize(
+    ("norms", "words"), [(None, "–"), ([], "lost"), ([1.0, 2.0, 3.0], "1.5"), ([0.0, 0.0, 0.0], "–")]
+)
+def test_drift_is_the_growth_over_the_second_half(norms: list[float] | None, words: str) -> None:
+    law = {"noise": None, "none": None, "operations": None, "bytes": None, "drift": norms}
+    assert page._numbers(law)[page.HEADS.index("Drift") - page.HEADS.index("Error in noise")] == words
+
+
+def test_an_interval_without_an_end_is_open() -> None:
+    assert run._open((0.5, 0.4, math.inf)) == (0.5, 0.4, None)
+    assert page.triple(run._open((0.5, 0.4, math.inf))) == "0.50 [0.40, –]"
+    assert page.triple((0.5, 0.4, 0.6)) == "0.50 [0.40, 0.60]"
 
 
 # -- Laws that reduce to others ----------------------------------------------------------------------------------------
@@ -535,6 +613,77 @@ def test_a_stranger_adds_a_law(tmp_path: Path) -> None:
     assert [row["diverged"] for row in rows] == ["0/4", "0/4"]
     assert all(0.0 < row["error, q0"] < 0.1 for row in rows)
     assert "already exists" in refused("new", "10.1000/mine", "--out", str(file))
+
+
+def pdf_of(pages: list[str], path: Path) -> Path:
+    """A PDF with a line of text on each page, none on an empty one."""
+    kids = " ".join(f"{4 + 2 * n} 0 R" for n in range(len(pages)))
+    objects = [
+        "<< /Type /Catalog /Pages 2 0 R >>",
+        f"<< /Type /Pages /Kids [{kids}] /Count {len(pages)} >>",
+        "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
+    ]
+    for n, text in enumerate(pages):
+        shown = f"BT /F1 12 Tf 72 720 Td <{text.encode('cp1252').hex()}> Tj ET" if text else ""
+        font = "/Resources << /Font << /F1 3 0 R >> >> /MediaBox [0 0 612 792]"
+        objects += [
+            f"<< /Type /Page /Parent 2 0 R {font} /Contents {5 + 2 * n} 0 R >>",
+            f"<< /Length {len(shown)} >>\nstream\n{shown}\nendstream",
+        ]
+    data, places = b"%PDF-1.4\n", []
+    for number, content in enumerate(objects, 1):
+        places.append(len(data))
+        data += f"{number} 0 obj\n{content}\nendobj\n".encode()
+    table = "".join(f"{place:010} 00000 n \n" for place in places)
+    data += f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}".encode()
+    data += f"trailer\n<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{data.rindex(b'xref')}\n%%EOF\n".encode()
+    path.write_bytes(data)
+    return path
+
+
+def test_numbers_of_a_text_have_their_powers_of_ten() -> None:
+    text = "m = 1.8 × 10−7 kg, 1.8e-7, 2x10^3, .5 and 63.955 (13)"
+    assert pdf.numbers_of(text) == [1.8e-7, 1.8e-7, 2e3, 0.5, 63.955, 13.0]
+
+
+def test_an_entry_of_ones_own_pdf_is_looked_up_page_by_page(tmp_path: Path) -> None:
+    pages = ["m = 1.8 × 10-7 kg, k = 63.955, 12.779 and 95.92 N/m (13)", ""]
+    paper_, file = pdf_of(pages, tmp_path / "paper.pdf"), tmp_path / "2024_mine.toml"
+    invoked("new", "10.1000/mine", "--year", "2024", "--pdf", str(paper_), "--out", str(file))
+    text = file.read_text(encoding="utf-8")
+    hashed = hashlib.sha256(paper_.read_bytes()).hexdigest()
+    assert f'[pdf]\nsha256 = "{hashed}"\npages = 2\n' in text
+    for old, new in (('title = ""', 'title = "A"'), ('words = ""', 'words = "a"'), ('text = ""', 'text = "it tracks"')):
+        text = text.replace(old, new, 1)
+    text = text.replace('criterion = ""', 'criterion = "settles"').replace('seen = "abstract"', 'seen = "text"')
+    text += """
+[[equation]]
+number = "(13)"
+is = "pid.hpp::Pid"
+from = "page 1"
+[given]
+mass = { value = 1.8e-7, unit = "kg", from = "page 1" }
+stiffness = { value = [63.955, 12.779, 95.92], unit = "N/m", from = "page 1, table 1" }
+rate = { value = 0.1, from = "page 2" }
+"""
+    file.write_text(text, encoding="utf-8")
+    lines = invoked("check", str(file), "--pdf", str(paper_)).splitlines()
+    assert [line.split()[-1] for line in lines[1:5]] == ["found", "found", "scanned", "found"]
+    assert lines[-1] == "2024_mine: complete; as published in doi:10.1000/mine"
+    file.write_text(text.replace("12.779", "12.78").replace('0.1, from = "page 2"', '0.1, from = "page 3"'))
+    assert refused("check", str(file), "--pdf", str(paper_)) == (
+        "given.stiffness is 63.955, 12.78, 95.92: it must be in the text of its page, but page 1 lacks it; "
+        "given.rate is 0.1: it must be in the text of its page, but the PDF has 2 pages"
+    )
+    file.write_text(text.replace('from = "page 2"', 'from = "table 2"'), encoding="utf-8")
+    assert refused("check", str(file)) == (
+        'given.rate.from is "table 2": it must name a page, as "page 7", as seen is text of a PDF'
+    )
+    file.write_text(text, encoding="utf-8")
+    other = pdf_of(["(13)", ""], tmp_path / "other.pdf")
+    assert refused("check", str(file), "--pdf", str(other)).startswith(f"pdf.sha256 is {hashed}: it must be that of")
+    assert refused("new", "10.1000/x", "--pdf", str(file)).startswith(f"{file} is not a PDF that can be read: ")
+    assert refused("new", "10.1000/x", "--pdf", str(tmp_path / "none.pdf")).endswith("No such file or directory")
 
 
 def test_curves_are_read_from_a_figure(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@
 #include "fracgyro/control/datasheet.hpp"
 #include "fracgyro/control/reference.hpp"
 #include "fracgyro/control/signals.hpp"
+#include "fracgyro/core/axes.hpp"
 
 namespace fracgyro {
 
@@ -66,6 +67,7 @@ struct Common {
     double observer_bandwidth = 0.0;  // bandwidth of the observer (hardware/observer.hpp); 0: the velocity is measured
     FilterParams filter{};
     TriggerParams trigger{};
+    AxesParams pickoffs{};  // as known, by which measurements are corrected (hardware/pickoffs.hpp)
 
     static constexpr auto fields() {
         using C = Common;

@@ -16,6 +16,9 @@
 //    starts over after missing samples. Sampled, it is stable for h ωₐ² (1/κ + g/β̄) < 1, β̄ = (1 - e^(-β h))/h: g is
 //    at most what makes this 0.9.
 //
+//    Settings of the basis make it a fuzzy, a recurrent or a gated network, and let centers and widths move as they
+//    learn, from what W learns from. Loops and gate rest without a sample.
+//
 //    `minimal` learns one number instead of W, a bound of its norm: u has -½ θ s min(‖φ‖²/M, 1) instead of Wᵀ φ, with
 //    dθ/dt = ½ ωₐ² ‖s‖² min(‖φ‖²/M, 1) - ℓ θ, so that the gain of s is at most 0.8/h. At the force limit, and without a
 //    sample, nothing is learned.
@@ -122,6 +125,7 @@ struct Network {
         std::array<Vec2<T>, Functions::most> weights{};
         T gain{};             // θ
         Vec2<T> predicted{};  // m
+        typename Functions::Memory memory{};
         Kept<T, bool> predicts = false;
     };
 
@@ -166,7 +170,10 @@ struct Network {
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
     static void start_over(State& state, bool keep_estimates) {
         state.predicts = false;
+        state.memory.values = {};
+        state.memory.force = {};
         if (!keep_estimates) {
+            state.memory = {};
             state.weights = {};
             state.gain = T(0.0);
         }
@@ -185,8 +192,9 @@ struct Network {
                                       .acceleration = held.acceleration};
         const ReferencePoint<T>& seen = c.of_reference ? held : there;
         typename Functions::Values phi;
-        const T square = Functions::evaluate(
-            c.basis, Functions::inputs(c.basis, {.position = seen.position, .velocity = seen.velocity}), phi);
+        const Motion<T> x =
+            Functions::inputs(c.basis, state.memory, {.position = seen.position, .velocity = seen.velocity});
+        const T square = Functions::evaluate(c.basis, state.memory, x, phi);
         const T share = minimum(c.inverse_largest * square, T(1.0));
         const Vec2<T> learned = signals.report.learned =
             c.minimal ? -(T(0.5) * (state.gain * share)) * s : sum(state, c, phi);
@@ -202,7 +210,11 @@ struct Network {
                 learned_from = learned_from +
                                c.prediction.weight * missed(state, c.prediction, e, signals.force - keeps - learned);
             }
+            if (c.basis.moving.on) {
+                Functions::move(state.memory, c.basis, x, phi, state.weights, c.prediction.step * learned_from);
+            }
             learn(state, c, phi, square, share, learned_from, s);
+            Functions::remember(state.memory, c.basis, phi, learned);
         }
         return signals;
     }

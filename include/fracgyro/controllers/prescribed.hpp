@@ -16,24 +16,41 @@
 //    least 2h. No damper takes more than z in a step. A bound that is left, |H| > 1 - 2⁻¹⁰, and one at the force limit
 //    is widened to 1.2 |e|, with the spring that it had, and shrinks from there.
 //
-// Source: 2023, doi 10.1049/cth2.12484 (abstract and code read); docs/decisions/0053.
+//    A funnel has a gain that grows towards the bound instead of the barrier, and one for the velocity:
+//
+//        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - k_e² e - k_v ė        k_e = 1/(ξ (ρ - |e|))        k_v = c ν ρ_∞/(ν ρ - |ė|)
+//
+//    with the same spring at zero, k_e at most 1/(2h) and k_v at most 0.8/h. It asks for no model; the laws (44) have
+//    ė + τ (1 - ρ_∞/ρ) e.
+//
+// Source: 2023, doi 10.1049/cth2.12484 (abstract and code read); the funnel after doi 10.1137/100799903
+// (abstract read, gains from memory); docs/decisions/0053.
 #pragma once
 
 #include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 
+enum class BarrierShape { logarithm, funnel };
+
 struct PrescribedParams {
+    BarrierShape shape = BarrierShape::logarithm;
     double bound_start = 1.0, bound_final = 0.01, bound_rate = 5.0;  // ρ₀, ρ_∞, τ
     double barrier_scale = 0.5;                                      // ξ
     double barrier_root = 1e-3, barrier_cube = 1e-3;                 // k₁, k₂
     double damper_root = 1.0, damper_cube = 1.0;                     // k₃, k₄
     double damper = 300.0;                                           // c
+    double velocity_bound = 20.0;                                    // ν
     AdaptationParams adaptation{};                                   // the bounds are not used
 
+    static constexpr std::string_view shapes[] = {"logarithm", "funnel"};
     static constexpr auto fields() {
         using P = PrescribedParams;
         return Fields{
+            choice(
+                "barrier_shape", &P::shape, shapes,
+                "logarithm: a spring from the logarithm of the distance to the bound. funnel: gains of the error and "
+                "of its rate that grow towards their bounds."),
             field("bound_start", &P::bound_start, "q0", above_0,
                   "rho0, unit q0, > 0: bound of |e| at the start, where it is at least 1.2 |e|."),
             field("bound_final", &P::bound_final, "q0", above_0,
@@ -52,6 +69,8 @@ struct PrescribedParams {
             field("damper_cube", &P::damper_cube, "1/(q0^2*omega0)", at_least_0,
                   "k4, unit 1/(q0^2 omega0): of z^3, for a fixed time. 0.0: off."),
             field("damper", &P::damper, "omega0", at_least_0, "c, unit omega0: damper of z. 0.0: off, as published."),
+            field("velocity_bound", &P::velocity_bound, "omega0", above_0,
+                  "nu, unit omega0, > 0: bound of |de/dt| over that of |e|, of a funnel."),
             Inner{"adaptation", &P::adaptation, AdaptationParams::plant_fields()},
         };
     }
@@ -87,6 +106,8 @@ struct Prescribed {
         T barrier_root{}, barrier_cube{};           // 2^(-3/4) k₁, ¼ k₂
         T damper_root{}, damper_cube{}, damper{};   // 2^(-3/4) k₃, ¼ k₄, c
         T shortest{}, half_rate{}, inverse_step{};  // 2h, 1/(2h), 1/h
+        T velocity{}, gain{}, nearest{};            // ν, c ν ρ_∞, and the least of ν ρ - |ė|
+        bool funnel = false;
     };
     struct State {
         typename Base::State base{};
@@ -100,6 +121,7 @@ struct Prescribed {
     static Coefficients prepare(const Params& p, const Common& common) {
         const double h = common.step, root = 0.59460355750136053336;  // 2^(-3/4)
         const double scale = maximum(p.barrier_scale, 2.0 * h / p.bound_final);
+        const double gain = p.damper * p.velocity_bound * p.bound_final;
         return {.base = Base::prepare(p.adaptation, common),
                 .start = T(maximum(p.bound_start, p.bound_final)),
                 .last = T(p.bound_final),
@@ -114,7 +136,11 @@ struct Prescribed {
                 .damper = T(p.damper),
                 .shortest = T(2.0 * h),
                 .half_rate = T(0.5 / h),
-                .inverse_step = T(1.0 / h)};
+                .inverse_step = T(1.0 / h),
+                .velocity = T(p.velocity_bound),
+                .gain = T(gain),
+                .nearest = T(maximum(1.25 * h * gain, 1e-12)),
+                .funnel = p.shape == BarrierShape::funnel};
     }
 
     static Report report(const State& state, const Coefficients& c) {
@@ -143,43 +169,18 @@ struct Prescribed {
         const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
         const Sample<T>& e = signals.error;
         const ReferencePoint<T> held = Reference<T>::held(state.base.reference, c.base.reference);
-        const Vec2<T> one{T(1.0), T(1.0)}, size = absolute(e.value);
+        const Vec2<T> size = absolute(e.value);
         if (missing == nullptr) {
             follow(state, c, size);
         }
         const Vec2<T> bound = signals.report.error_bound = maximum(state.bound, c.last);
         const Vec2<T> course = maximum(state.prescribed, c.last);
-        const Vec2<T> width = c.scale * course;  // ξ ρ
-        signals.report.frequency = reciprocal(width);
-
-        const Vec2<T> inverse = reciprocal(bound), wider = bound * reciprocal(course);
-        const Vec2<T> share = clamp(inverse * e.value, T(-most), T(most));  // H
-        const Vec2<T> space = one - share * share;
-        const Vec2<T> barrier = width * space;  // B
-        const Vec2<T> epsilon = c.inverse_twice * (wider * logarithms((one + share) * reciprocal(one - share)));
-        const Vec2<T> shrinks = c.rate * (one - c.last * inverse);  // -dρ/dt/ρ
-        const Vec2<T> distance = absolute(epsilon), root = square_root(distance), square = epsilon * epsilon;
-        const Vec2<T> phi = with_sign_of(epsilon, c.barrier_root * root) + c.barrier_cube * (square * epsilon);
-        const Vec2<T> closes = e.derivative + shrinks * e.value;
-        const Vec2<T> z = closes + barrier * phi;
-
-        // dα/dt - r̈, in which dφ/dt = slope dε/dt, B dε/dt = closes and dH/dt = closes/ρ.
-        const Vec2<T> floored = maximum(root, T(0.0316227766016837933));
-        const Vec2<T> steep = (T(0.5) * c.barrier_root) * reciprocal(floored) + (T(3.0) * c.barrier_cube) * square;
-        const Vec2<T> slope = if_less(steep, c.half_rate * one, steep, c.half_rate * one);
-        const Vec2<T> narrows = (c.rate * c.last) * (shrinks * inverse);  // -d(shrinks)/dt
-        const Vec2<T> widens =
-            -(shrinks * barrier) - (T(2.0) * c.scale) * (share * (closes * (course * inverse)));  // dB/dt
-        const Vec2<T> turns = narrows * e.value - shrinks * e.derivative - slope * closes - widens * phi;
-
-        const Vec2<T> spring = epsilon * reciprocal(maximum(barrier, c.shortest));
-        const Vec2<T> speed = absolute(z);
-        const Vec2<T> damps =
-            c.damper * speed + c.damper_root * square_root(speed) + c.damper_cube * (speed * speed * speed);
-        const Vec2<T> stops = c.inverse_step * speed;
+        signals.report.frequency = reciprocal(c.scale * course);
+        const Push push = c.funnel ? of_funnel(c, e, bound, course) : of_barrier(c, e, bound, course);
+        const Vec2<T>& z = push.z;
         const Vec2<T> wanted =
-            plant_force<T>(signals.report, moved(motion, signals.reference, held), held.acceleration) + turns - spring -
-            with_sign_of(z, if_less(damps, stops, damps, stops));
+            plant_force<T>(signals.report, moved(motion, signals.reference, held), held.acceleration) + push.turns -
+            push.spring - push.damper;
         const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, z);
         state.bound = shrunk(c, state.bound);
         state.prescribed = shrunk(c, state.prescribed);
@@ -193,6 +194,51 @@ struct Prescribed {
     }
 
 private:
+    // Signal of the laws and of the force, and the parts of the force: dα/dt - r̈, spring and damper.
+    struct Push {
+        Vec2<T> z{}, turns{}, spring{}, damper{};
+    };
+    static Push of_barrier(const Coefficients& c, const Sample<T>& e, const Vec2<T>& bound, const Vec2<T>& course) {
+        const Vec2<T> one{T(1.0), T(1.0)};
+        const Vec2<T> width = c.scale * course;  // ξ ρ
+        const Vec2<T> inverse = reciprocal(bound), wider = bound * reciprocal(course);
+        const Vec2<T> share = clamp(inverse * e.value, T(-most), T(most));  // H
+        const Vec2<T> space = one - share * share;
+        const Vec2<T> barrier = width * space;  // B
+        const Vec2<T> epsilon = c.inverse_twice * (wider * logarithms((one + share) * reciprocal(one - share)));
+        const Vec2<T> shrinks = c.rate * (one - c.last * inverse);  // -dρ/dt/ρ
+        const Vec2<T> distance = absolute(epsilon), root = square_root(distance), square = epsilon * epsilon;
+        const Vec2<T> phi = with_sign_of(epsilon, c.barrier_root * root) + c.barrier_cube * (square * epsilon);
+        const Vec2<T> closes = e.derivative + shrinks * e.value;
+        const Vec2<T> z = closes + barrier * phi;
+
+        // dφ/dt = slope dε/dt, B dε/dt = closes and dH/dt = closes/ρ.
+        const Vec2<T> floored = maximum(root, T(0.0316227766016837933));
+        const Vec2<T> steep = (T(0.5) * c.barrier_root) * reciprocal(floored) + (T(3.0) * c.barrier_cube) * square;
+        const Vec2<T> slope = if_less(steep, c.half_rate * one, steep, c.half_rate * one);
+        const Vec2<T> narrows = (c.rate * c.last) * (shrinks * inverse);  // -d(shrinks)/dt
+        const Vec2<T> widens =
+            -(shrinks * barrier) - (T(2.0) * c.scale) * (share * (closes * (course * inverse)));  // dB/dt
+        const Vec2<T> speed = absolute(z);
+        const Vec2<T> damps =
+            c.damper * speed + c.damper_root * square_root(speed) + c.damper_cube * (speed * speed * speed);
+        const Vec2<T> stops = c.inverse_step * speed;
+        return {.z = z,
+                .turns = narrows * e.value - shrinks * e.derivative - slope * closes - widens * phi,
+                .spring = epsilon * reciprocal(maximum(barrier, c.shortest)),
+                .damper = with_sign_of(z, if_less(damps, stops, damps, stops))};
+    }
+    // A bound that was widened keeps its spring.
+    static Push of_funnel(const Coefficients& c, const Sample<T>& e, const Vec2<T>& bound, const Vec2<T>& course) {
+        const Vec2<T> one{T(1.0), T(1.0)}, most_of_all = c.half_rate * one;
+        const Vec2<T> inverse = reciprocal(bound), free = maximum(one - inverse * absolute(e.value), T(1.0 - most));
+        const Vec2<T> gain = reciprocal(c.scale * course * free);
+        const Vec2<T> limited = if_less(gain, most_of_all, gain, most_of_all);
+        const Vec2<T> slack = maximum(c.velocity * bound - absolute(e.derivative), c.nearest);
+        return {.z = e.derivative + c.rate * (one - c.last * inverse) * e.value,
+                .spring = limited * (limited * e.value),
+                .damper = c.gain * (reciprocal(slack) * e.derivative)};
+    }
     static Vec2<T> shrunk(const Coefficients& c, const Vec2<T>& bound) {
         const Vec2<T> last{c.last, c.last};
         return last + c.decay * (bound - last);

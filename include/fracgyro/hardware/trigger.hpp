@@ -98,21 +98,4 @@ struct FromPositions<Triggered<Controller>> {
                                     Triggered<Known>>;
 };
 
-// The controller for the sensors of a device, with its force sent by events or not.
-template <Resumable Controller, bool positions_only, bool filtered, bool triggered>
-struct ForDevice {
-    using Sending = std::conditional_t<triggered, Triggered<Controller>, Controller>;
-    using Type = typename ForSensors<Sending, positions_only, filtered>::Type;
-};
-
-// Calls visit.template operator()<C>() with that type.
-template <Resumable Controller, class Visit>
-void for_device(const Common& common, Visit&& visit) {
-    if (common.trigger.on()) {
-        for_sensors<Triggered<Controller>>(common, visit);
-    } else {
-        for_sensors<Controller>(common, visit);
-    }
-}
-
 }  // namespace fracgyro

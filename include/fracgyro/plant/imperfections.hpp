@@ -10,6 +10,7 @@
 // Noise is drawn like the disturbance, from separate streams of the same seed.
 #pragma once
 
+#include "fracgyro/core/axes.hpp"
 #include "fracgyro/plant/angular_rate.hpp"
 #include "fracgyro/plant/flicker.hpp"
 
@@ -35,15 +36,6 @@ private:
         const double step = reach / levels;
         return step * clamp(detail::round_to_nearest(clipped / step), -levels, levels - 1.0);
     }
-};
-
-// Axes turned by `misalignment`, counter-clockwise in rad, from the axes of the plant, with a gain of 1 + gain_error
-// along them.
-struct AxesParams {
-    Vec2<double> gain_error{};
-    double misalignment = 0.0;
-
-    bool on() const { return gain_error.x() != 0.0 || gain_error.y() != 0.0 || misalignment != 0.0; }
 };
 
 struct ImperfectionParams {
@@ -132,16 +124,10 @@ struct DeviceDraw {
 
 struct Imperfections {
     static constexpr std::size_t longest_delay = 1000;  // steps
-    // Map from one pair of axes to another: images of one unit of x and of y.
-    struct Map {
-        Vec2<double> x{}, y{};
-
-        Vec2<double> operator()(const Vec2<double>& a) const { return a.x() * x + a.y() * y; }
-    };
     struct Coefficients {
         ImperfectionParams device{};
         bool sensed_as_is = true, acts_as_is = true, flickers = false, rate_wanders = false;
-        Map pickoff{}, force{};
+        AxesMap<double> pickoff{}, force{};
     };
     // The white noise is separate: it is a function of seed and sample, without memory.
     struct State {
@@ -153,16 +139,13 @@ struct Imperfections {
     };
 
     static Coefficients prepare(const ImperfectionParams& p) {
-        const Vec2<double> seen = turn_of<double>(p.pickoff.misalignment);
-        const Vec2<double> pushed = turn_of<double>(p.force.misalignment);
-        const Vec2<double> ones{1.0, 1.0}, sense = ones + p.pickoff.gain_error, push = ones + p.force.gain_error;
         return {.device = p,
                 .sensed_as_is = !p.pickoff.on(),
                 .acts_as_is = !p.force.on(),
                 .flickers = p.flickers(),
                 .rate_wanders = p.rate_wanders(),
-                .pickoff = {sense * Vec2<double>{seen.x(), -seen.y()}, sense * swapped(seen)},
-                .force = {push.x() * pushed, push.y() * turned(pushed)}};
+                .pickoff = onto(p.pickoff),
+                .force = along(p.force)};
     }
 
     // The measured motion, with this noise; called once per sample.

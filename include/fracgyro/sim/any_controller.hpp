@@ -4,7 +4,7 @@
 #pragma once
 
 #include "fracgyro/core/saved.hpp"
-#include "fracgyro/hardware/trigger.hpp"
+#include "fracgyro/hardware/pickoffs.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/metrics.hpp"
 
@@ -307,15 +307,15 @@ struct Erased {
 };
 
 // Calls visit.template operator()<C>() with the type that represents this controller: behind an observer if the device
-// senses no velocity and the controller needs it.
+// senses no velocity and the controller needs it, and behind the correction of what is measured.
 template <Scalar T, class Visit>
 void with_erased(const AnyController<T>& controller, const Common& common, Visit&& visit) {
     if (!controller.needs_velocity()) {
-        visit.template operator()<Erased<T, false>>();
+        visit.template operator()<Corrected<Erased<T, false>>>();
     } else if (common.observer_bandwidth > 0.0) {
-        visit.template operator()<Observing<Erased<T, true>>>();
+        visit.template operator()<Corrected<Observing<Erased<T, true>>>>();
     } else {
-        visit.template operator()<Erased<T, true>>();
+        visit.template operator()<Corrected<Erased<T, true>>>();
     }
 }
 

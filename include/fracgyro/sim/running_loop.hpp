@@ -93,7 +93,8 @@ private:
     };
 
     using AnyPart =
-        std::variant<Part<Erased<double, true>>, Part<Observing<Erased<double, true>>>, Part<Erased<double, false>>>;
+        std::variant<Part<Corrected<Erased<double, true>>>, Part<Corrected<Observing<Erased<double, true>>>>,
+                     Part<Corrected<Erased<double, false>>>>;
 
     static AnyPart start(const PlantSetup& setup, AnyController<double>& controller) {
         std::optional<AnyPart> part;

@@ -105,15 +105,19 @@ inline void take_terms(DisturbanceParams& disturbance, std::span<const double> n
     }
 }
 
-// Observer, filter and event trigger as numbers: the bandwidth of observer and filter, 0 without it; noise of force,
-// position and velocity, and the delay, that the filter assumes; threshold and share of the trigger, 0 without it.
-using SensingNumbers = std::array<double, 8>;
+// Observer, filter, event trigger and known pick-offs as numbers: the bandwidth of observer and filter, 0 without it;
+// noise of force, position and velocity, and the delay, that the filter assumes; threshold and share of the trigger, 0
+// without it; errors of the pick-offs' gains, and their angle.
+using SensingNumbers = std::array<double, 11>;
 inline SensingNumbers sensing_of(const Common& common) {
     const FilterParams& f = common.filter;
+    const AxesParams& pickoffs = common.pickoffs;
     return {common.observer_bandwidth, f.bandwidth,
             f.assumed.force_noise,     f.assumed.position_noise,
             f.assumed.velocity_noise,  static_cast<double>(f.assumed.delay),
-            common.trigger.threshold,  common.trigger.share};
+            common.trigger.threshold,  common.trigger.share,
+            pickoffs.gain_error.x(),   pickoffs.gain_error.y(),
+            pickoffs.misalignment};
 }
 inline void take_sensing(Common& common, const SensingNumbers& numbers) {
     common.observer_bandwidth = numbers[0];
@@ -123,6 +127,7 @@ inline void take_sensing(Common& common, const SensingNumbers& numbers) {
                                  .velocity_noise = numbers[4],
                                  .delay = static_cast<std::int64_t>(numbers[5])}};
     common.trigger = {.threshold = numbers[6], .share = numbers[7]};
+    common.pickoffs = {.gain_error = {numbers[8], numbers[9]}, .misalignment = numbers[10]};
 }
 
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.

@@ -14,7 +14,7 @@ const SHARED = ["plant", "reference", "disturbance", "run"];
 // ways, are not offered.
 const DERIVED = /^(guard\.|adaptation\.initial_(damping|stiffness))/;
 const NOT_OFFERED =
-  /^(device\.|plant\.(damping|stiffness)\.|controller\.(kind|adaptive)|adaptation\.kind|run\.record_every)/;
+  /^(device\.|plant\.(damping|stiffness)\.|controller\.(kind|adaptive)|adaptation\.kind|run\.record_every|datasheet\.pickoff_)/;
 
 export const tableOf = (name) => name.split(".")[0];
 export const isShared = (name) => SHARED.includes(tableOf(name));
@@ -227,7 +227,7 @@ function differing(data, state, run, defaults) {
   // A scenario derives them where they are not stated.
   const stated = (name) =>
     (name === "adaptation.initial_rate" && settings["plant.angular_rate"] !== defaults["plant.angular_rate"]) ||
-    (name.startsWith("datasheet.") && otherNoise);
+    (name.startsWith("datasheet.") && !name.startsWith("datasheet.pickoff_") && otherNoise);
   for (const name of Object.keys(settings)) {
     if ((settings[name] !== defaults[name] || stated(name)) && !DERIVED.test(name)) {
       const [, path, part] = /^(.*?)(\.[xy]|\.(?:xx|xy|yy)|\[\d\])?$/.exec(name);

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from .criteria import CRITERIA
 from .facts import OURS, READ, Facts
 from .laws import contender_of
+from .pdf import NO_PAGE, NOT_FOUND, Document, Looked, page_of
 from .printed import SWITCHES
 
 SKELETON = """# An entry of the zoo. `fracgyro zoo check FILE` reports what is missing.
@@ -31,7 +32,7 @@ reduces_to = ""
 # A sentence for the report; "" for none.
 remark = ""
 
-# Fields of a scenario that differ from those of the contender, as "controller.kind" = "pid".
+{pdf}# Fields of a scenario that differ from those of the contender, as "controller.kind" = "pid".
 [law]
 
 # An equation by its number, the place of the code that evaluates it, and where it was read.
@@ -62,9 +63,30 @@ from = "abstract"
 """
 
 
-def skeleton(doi: str, year: int) -> str:
-    """The text of a new entry: every field with a comment."""
-    return SKELETON.format(doi=doi, year=year, criteria=", ".join(CRITERIA))
+READ_PDF = """# The PDF that was read: it is neither copied nor quoted. `fracgyro zoo check FILE --pdf PDF` looks up
+# each number and equation whose `from` names a page. `seen` is "text" only if each does.
+[pdf]
+sha256 = "{sha256}"
+pages = {pages}
+
+"""
+
+
+def skeleton(doi: str, year: int, document: Document | None = None) -> str:
+    """The text of a new entry: every field with a comment, and the hash of a PDF."""
+    pdf = "" if document is None else READ_PDF.format(sha256=document.sha256, pages=len(document.pages))
+    return SKELETON.format(doi=doi, year=year, criteria=", ".join(CRITERIA), pdf=pdf)
+
+
+def differences(facts: Facts, document: Document, looked: Iterable[Looked]) -> Iterator[str]:
+    """Sentences about what the PDF of an entry does not have."""
+    if facts.pdf is not None and facts.pdf.sha256 != document.sha256:
+        yield f"pdf.sha256 is {facts.pdf.sha256}: it must be that of the file, {document.sha256}"
+    for each in looked:
+        if each.result in (NOT_FOUND, NO_PAGE):
+            pages = f"the PDF has {len(document.pages)} pages"
+            where = f"page {each.page} lacks it" if each.result == NOT_FOUND else pages
+            yield f"{each.place} is {each.printed}: it must be in the text of its page, but {where}"
 
 
 def missing(name: str, facts: Facts) -> Iterator[str]:
@@ -89,3 +111,9 @@ def missing(name: str, facts: Facts) -> Iterator[str]:
         for place_, given in facts.every_given():
             if given.source == OURS:
                 yield f'{place_}.from is missing: without it no result is called "as published"'
+    if facts.pdf is not None and facts.seen == "text":
+        sources = [(place_, given.source) for place_, given in facts.every_given()]
+        sources += [(f"equation[{number}]", equation.source) for number, equation in enumerate(facts.equation)]
+        for place_, source in sources:
+            if page_of(source) is None:
+                yield f'{place_}.from is "{source}": it must name a page, as "page 7", as seen is text of a PDF'

@@ -145,14 +145,16 @@ def report(out: Path, quick: bool, resume: bool, operations: Path | None) -> Non
 @zoo.command()
 @click.argument("doi")
 @click.option("--year", type=int, help="Year of the paper.  [default: this year]")
+@click.option("--pdf", type=click.Path(path_type=Path), metavar="PDF", help="A PDF of yours; only its hash is kept.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write it to this new TOML file.")
-def new(doi: str, year: int | None, out: Path | None) -> None:
+def new(doi: str, year: int | None, pdf: Path | None, out: Path | None) -> None:
     """Print an entry with every field and a comment, to fill in."""
     from fracgyro.files import whole_file
 
     from .check import skeleton
+    from .pdf import opened
 
-    text = skeleton(doi, year or date.today().year)
+    text = skeleton(doi, year or date.today().year, None if pdf is None else opened(pdf))
     if out is None:
         click.echo(text, nl=False)
         return
@@ -162,15 +164,24 @@ def new(doi: str, year: int | None, out: Path | None) -> None:
 
 @zoo.command()
 @click.argument("file")
-def check(file: str) -> None:
+@click.option("--pdf", type=click.Path(path_type=Path), metavar="PDF", help="Look up its numbers in this PDF.")
+def check(file: str, pdf: Path | None) -> None:
     """Check an entry, and report what it lacks."""
     from fracgyro.scenario import ScenarioError
 
-    from .check import missing
+    from .check import differences, missing
     from .facts import entry
+    from .pdf import looked_up, opened
 
     name, facts = entry(file)
     found = list(missing(name, facts))
+    if pdf is not None:
+        document = opened(pdf)
+        looked = list(looked_up(facts, document))
+        if looked:
+            rows = [[each.place, each.printed, f"{each.page}", each.result] for each in looked]
+            print_table(("field", "printed", "page", "in its text"), rows)
+        found += differences(facts, document, looked)
     if found:
         raise ScenarioError("; ".join(found))
     click.echo(f"{name}: complete; {facts.heading(own_numbers=bool(facts.given))}")

@@ -23,6 +23,7 @@ from .printed import Curves
 
 SMALLER = 0.9  # a ratio of errors below which an improvement counts
 SAME_TIME = 1.2  # a ratio of times below which they count as equal
+FEW_SENT, SAME_ERROR = 0.5, 1.05  # of an event trigger that saves: share of forces sent, ratio of errors
 STEADY = 1.1  # growth of a norm that counts as none
 LATE = 5.0  # the published RMS errors are those after this time
 Judgings = Mapping[str, Mapping[str, Any]]
@@ -66,7 +67,11 @@ class Material:
 
 
 def _error_over(m: Material, other: str, words: str, most: float) -> Judged:
-    found = m.noisy.ratio(m.law, other)
+    return _ratio(m.noisy, m.law, other, words, most)
+
+
+def _ratio(laws: Laws, law: str, other: str, words: str, most: float) -> Judged:
+    found = laws.ratio(law, other)
     if found is None:
         return False, "a run diverged, or no gains were found."
     value, low, high = found
@@ -81,6 +86,18 @@ def beats_network(m: Material) -> Judged:
     return _error_over(m, "network", "of the same network without a prediction", SMALLER)
 
 
+def beats_nodes(m: Material) -> Judged:
+    return _error_over(m, "network", "of the plain network of 16 nodes", SMALLER)
+
+
+def loops_help(m: Material) -> Judged:
+    return _ratio(m.noisy, "network_loops", "network", "of a network without its loops", SMALLER)
+
+
+def beats_unsupervised(m: Material) -> Judged:
+    return _error_over(m, "fuzzy_direct", "without the supervisory term", SMALLER)
+
+
 def beats_linear(m: Material) -> Judged:
     return _error_over(m, "linear", "of the linear surface", 1.0)
 
@@ -92,6 +109,43 @@ def less_chattering(m: Material) -> Judged:
         return False, "a run diverged, or no gains were found."
     held = mine < theirs and found[0] <= 1.0
     return held, f"chattering {mine:.2g} against {theirs:.2g} of the linear surface, with {found[0]:.3g} of its error."
+
+
+def smaller_transient(m: Material) -> Judged:
+    means = [_transient(m.noisy.judged.get(law)) for law in (m.law, "linear")]
+    if None in means:
+        return False, "a run diverged, or no gains were found."
+    mine, theirs = (mean or math.nan for mean in means)
+    return mine < SMALLER * theirs, f"transient RMS error {mine:.3g} against {theirs:.3g} of the linear surface."
+
+
+def _transient(judged: Mapping[str, Any] | None) -> float | None:
+    """The geometric mean of the transient errors on both axes."""
+    if judged is None:
+        return None
+    values = [value for axis in "xy" for value in judged["metrics"][f"rmse_transient_{axis}"]]
+    return None if None in values else math.exp(sum(map(math.log, values)) / len(values))
+
+
+def saves(m: Material) -> Judged:
+    return _saves(m, m.noisy)
+
+
+def saves_without_noise(m: Material) -> Judged:
+    return _saves(m, m.exact)
+
+
+def _saves(m: Material, laws: Laws) -> Judged:
+    if m.law not in laws.scenarios:
+        return False, "no gains were found."
+    try:
+        found = extra.sending(laws.scenarios[m.law], laws.seeds[:4])
+    except DivergedError as error:
+        return False, f"{error}."
+    held = any(share <= FEW_SENT and error <= SAME_ERROR for share, error in found.values())
+    parts = ", ".join(f"{share:.0%} at {error:.2f} times the error" for share, error in found.values())
+    limits = ", ".join(f"{threshold:g}" for threshold in found)
+    return held, f"forces sent with thresholds of {limits}: {parts}."
 
 
 def _chattering(judged: Mapping[str, Any] | None) -> float | None:
@@ -196,6 +250,30 @@ CRITERIA: dict[str, tuple[str, Callable[[Material], Judged]]] = {
     "beats_network": (
         f"error below {SMALLER:g} times that of the same network without a prediction, in the whole 95 % interval",
         beats_network,
+    ),
+    "beats_nodes": (
+        f"error below {SMALLER:g} times that of the plain network of 16 nodes, in the whole 95 % interval",
+        beats_nodes,
+    ),
+    "loops_help": (
+        f"error of the network with both loops below {SMALLER:g} times that without, in the whole 95 % interval",
+        loops_help,
+    ),
+    "beats_unsupervised": (
+        f"error below {SMALLER:g} times that without the supervisory term, in the whole 95 % interval",
+        beats_unsupervised,
+    ),
+    "smaller_transient": (
+        f"transient RMS error below {SMALLER:g} times that of the linear surface",
+        smaller_transient,
+    ),
+    "saves": (
+        f"some threshold sends at most {FEW_SENT:.0%} of the forces at {SAME_ERROR:g} times the error, in noise",
+        saves,
+    ),
+    "saves_without_noise": (
+        f"some threshold sends at most {FEW_SENT:.0%} of the forces at {SAME_ERROR:g} times the error, without noise",
+        saves_without_noise,
     ),
     "beats_linear": ("error below that of the linear surface, with the whole 95 % interval", beats_linear),
     "less_chattering": ("chattering below that of the linear surface, at no larger an error", less_chattering),

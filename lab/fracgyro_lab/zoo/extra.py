@@ -19,6 +19,7 @@ STAYS = 1.0  # 1/omega0: time for which a converged run stays near zero, at leas
 STARTS = (0.1, 1.0, 10.0, 100.0)  # e_x(0), q0
 FAR = 100.0  # 1/omega0: the longest run for a convergence
 CLOSE = 0.05  # share of the true value within which an estimate is right
+THRESHOLDS = (1.0, 3.0, 10.0, 30.0)  # m omega0^2 q0: of the event trigger
 SETTLED = 80.0  # duration of the runs for estimates, as in the paper of this project
 NOTHING = 1e-6  # a smaller norm is none
 LEARNED = ("weight_norm", "learned_gain", "bound_estimate", "stiffness_estimate")
@@ -118,6 +119,34 @@ def largest_share(scenario: Scenario, seeds: Sequence[int]) -> list[float]:
         falling = (law.bound_start - law.bound_final) * np.exp(-law.bound_rate * run["time"])
         found.append(float((np.abs(run["error"]) / (falling + law.bound_final)).max()))
     return found
+
+
+def sending(scenario: Scenario, seeds: Sequence[int]) -> dict[float, tuple[float, float]]:
+    """By threshold of the event trigger: the share of steps with a new force, and the error over that with all forces.
+
+    Raises DivergedError if the law diverges without a trigger; a share of 1 and an infinite error if it does with one.
+    """
+    found: dict[float, tuple[float, float]] = {}
+    every = [_sent(_seeded(scenario, seed), 0.0)[1] for seed in seeds]
+    for threshold in THRESHOLDS:
+        try:
+            runs = [_sent(_seeded(scenario, seed), threshold) for seed in seeds]
+        except DivergedError:
+            found[threshold] = (1.0, math.inf)
+            continue
+        ratio = np.mean([np.log(error) for _, error in runs]) - np.mean(np.log(every))
+        found[threshold] = (float(np.mean([share for share, _ in runs])), float(np.exp(ratio)))
+    return found
+
+
+def _sent(scenario: Scenario, threshold: float) -> tuple[float, float]:
+    """The share of steps with a new force, and the RMS of |e| after the first half."""
+    changes = {"controller.event_threshold": threshold, "controller.event_share": 0.0, "run.record_every": 1}
+    run = simulate(scenario.replace(changes))
+    force = run["control"].transpose("time", "axis").values
+    error = run["error"].transpose("time", "axis").values
+    new = (np.diff(force, axis=0) != 0.0).any(axis=1)
+    return float(new.mean()), float(np.sqrt((error[len(error) // 2 :] ** 2).mean()))
 
 
 def _seeded(scenario: Scenario, seed: int) -> Scenario:

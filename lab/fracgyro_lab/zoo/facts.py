@@ -117,6 +117,13 @@ class Run(Part):
     given: dict[str, Given] = Field(default_factory=dict)
 
 
+class Read(Part):
+    """The PDF that was read, which stays with its reader."""
+
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    pages: int = Field(ge=1)
+
+
 class Facts(Part):
     """The facts about a published law."""
 
@@ -136,6 +143,7 @@ class Facts(Part):
     erratum: list[Erratum] = Field(default_factory=list)
     claim: list[Claim] = Field(default_factory=list)
     run: list[Run] = Field(default_factory=list)
+    pdf: Read | None = None
 
     @field_validator("doi")
     @classmethod

@@ -17,12 +17,13 @@ from ..comparison.contender import Contender
 from ..comparison.task import Cell, sensed
 from ..comparison.track import LOW, Track
 from ..comparison.track_contenders import CONTENDERS
+from .contenders import OWN
 from .facts import Facts, entries, plant
 
 NOISE = 1e-13  # density of the measured position in the noisy setting, m/sqrt(Hz)
 SCENARIO = "paper"
 HOUSE = ("lqg", "linear", "pid", "paper")  # laws of the comparison that stand next to those of the zoo
-KNOWN = {contender.name: contender for contender in CONTENDERS}
+KNOWN = {contender.name: contender for contender in (*CONTENDERS, *OWN)}
 GAINS = files(__package__) / "gains.json"
 
 
@@ -40,7 +41,8 @@ def contender_of(name: str, facts: Facts) -> Contender:
     """The law of an entry. Raises ScenarioError if its contender is unknown, or its changes make no scenario."""
     if facts.contender not in KNOWN:
         raise ScenarioError(
-            f"contender is {format_value(facts.contender)}: it must be a contender of `fracgyro compare track`"
+            f"contender is {format_value(facts.contender)}: it must be a contender of `fracgyro compare track` or of "
+            "the zoo"
             f"{did_you_mean(facts.contender, KNOWN)}"
         )
     known = KNOWN[facts.contender]
@@ -58,26 +60,6 @@ def contender_of(name: str, facts: Facts) -> Contender:
     return found
 
 
-def variant(known: str, name: str, words: str, **changes: Any) -> Contender:
-    """A contender with fixed fields, whose names have two underscores for a dot."""
-    law = KNOWN[known]
-    fixed = {field.replace("__", "."): value for field, value in changes.items()}
-    gains = tuple(gain for gain in law.gains if gain.field not in fixed)
-    return replace(law, name=name, words=words, fixed={**law.fixed, **fixed}, gains=gains, contains=(), group="")
-
-
-VARIANTS = (
-    variant("network", "network_linear", "a network of the inputs themselves", controller__basis="linear"),
-    variant("network", "network_without_model", "a network instead of the nominal plant", controller__model=False),
-    variant(
-        "integral_sliding",
-        "integral_without_observer",
-        "integral sliding mode without the observer",
-        controller__disturbance_observer=0.0,
-    ),
-)
-
-
 @dataclass(frozen=True)
 class Switch:
     """A part of a law: the law with it, and the same law without it or with the simplest part instead."""
@@ -91,11 +73,23 @@ SWITCHES = (
     Switch("16 Gaussian nodes instead of one constant node", "network", "network_constant"),
     Switch("Chebyshev polynomials instead of one constant node", "network_chebyshev", "network_constant"),
     Switch("the inputs themselves instead of one constant node", "network_linear", "network_constant"),
+    Switch("fuzzy rules, products of memberships, instead of Gaussian nodes", "network_product_rules", "network"),
+    Switch("fuzzy sets of each input instead of Gaussian nodes", "network_memberships", "network"),
+    Switch("an inner loop in each node", "network_inner_loop", "network"),
+    Switch("an outer loop around the network", "network_outer_loop", "network"),
+    Switch("both loops", "network_loops", "network"),
+    Switch("a gate", "network_gate", "network"),
+    Switch("moving centers and widths", "network_moving", "network"),
+    Switch("fuzzy rules, loops, gate, moving centers and widths together", "network_everything", "network"),
+    Switch("a supervisory term next to fuzzy sets without a model", "fuzzy_supervised", "fuzzy_direct"),
     Switch("learning from a prediction, too", "network_predicted", "network"),
     Switch("weights instead of a bound of their norm", "network", "minimal_learning"),
     Switch("the nominal plant under the network", "network", "network_without_model"),
     Switch("a disturbance observer under the integral", "integral_sliding", "integral_without_observer"),
     Switch("the coupling term of backstepping", "backstepping", "linear"),
+    Switch("the filter of a dynamic surface", "dynamic_surface", "backstepping"),
+    Switch("the integral of a proportional-integral surface", "linear_integral", "linear"),
+    Switch("the start of a global surface", "linear_global", "linear"),
     Switch("the terminal term of the fractional surface", "paper", "paper_no_terminal"),
     Switch("the fractional order of the surface", "paper", "paper_integer_order"),
     Switch("the adaptation laws (44)", "paper", "paper_no_adaptation"),
@@ -105,12 +99,10 @@ SWITCHES = (
 def laws() -> dict[str, Contender]:
     """All contenders of the report by name: of the entries, of the house, and of the switches."""
     found = {law.name: law for name, facts in entries().items() for law in [contender_of(name, facts)]}
-    others = {variant.name: variant for variant in VARIANTS}
     wanted = [*HOUSE, *(name for switch in SWITCHES for name in (switch.having, switch.lacking))]
     for name in wanted:
         if name not in found:
-            law = others.get(name) or KNOWN[name]
-            found[name] = replace(law, classes=("F",), group="")
+            found[name] = replace(KNOWN[name], classes=("F",), group="")
     return found
 
 

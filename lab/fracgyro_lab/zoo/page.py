@@ -34,6 +34,7 @@ HEADS = (
     "Hidden delay",
     "12 bit",
     "0.7 of the force",
+    "Drift",
     "Operations",
     "Bytes",
     "Claims: held, failed, untestable",
@@ -105,9 +106,17 @@ def _numbers(law: Mapping[str, Any]) -> list[str]:
         number(max(known) if known else None, 2),
         number(metrics.get("error_settling_time", {}).get("value"), 2),
         *(times(changed[name]) if name in changed else "–" for name in CONDITIONS),
+        _growth(law["drift"]),
         str(law["operations"] if law["operations"] is not None else "–"),
         str(law["bytes"] if law["bytes"] is not None else "–"),
     ]
+
+
+def _growth(norms: Sequence[float] | None) -> str:
+    """The norm of what is learned at the end over that at half of the run."""
+    if norms is None or 0.0 in norms[1:2]:
+        return "–"
+    return f"{norms[2] / norms[1]:.3g}" if norms else "lost"
 
 
 def _error(row: Mapping[str, Any] | None) -> tuple[str, str]:
@@ -147,10 +156,9 @@ def findings(zoo: Zoo) -> list[str]:
         )
     network = next((switch for switch in zoo.switches if switch["having"] == "network"), None)
     if network and network["noise"]:
-        value, low, high = network["noise"]
         found.append(
             "Sixteen Gaussian nodes instead of one constant node, which is an integral, change the error in noise by a "
-            f"factor of {value:.2f} [{low:.2f}, {high:.2f}]."
+            f"factor of {triple(network['noise'])}."
         )
     return found
 
@@ -163,12 +171,12 @@ def _value(law: Mapping[str, Any]) -> float | None:
     return value
 
 
-def triple(found: Sequence[float] | None) -> str:
-    """A ratio with its interval; infinite ends are open."""
+def triple(found: Sequence[float | None] | None) -> str:
+    """A ratio with its interval; None is an open end."""
     if found is None:
         return "–"
-    value, low, high = found
-    return f"{value:.2f} [{low:.2f}, {'–' if math.isinf(high) else format(high, '.2f')}]"
+    value, low, high = ("–" if each is None else format(each, ".2f") for each in found)
+    return f"{value} [{low}, {high}]"
 
 
 def rms(value: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -13,6 +14,7 @@ from typing import Any
 
 from fracgyro.scenario import Scenario
 from fracgyro.simulation.controller import Controller
+from fracgyro.simulation.simulate import DivergedError
 
 from ..board.page import counts, operations_of
 from ..comparison.contender import Contender
@@ -200,10 +202,23 @@ def _rows(mine: Plan, done: Done, counted: Mapping[tuple[str, ...], int], show: 
             continue
         scenario = scenario_of(mine, row, done)
         if setting == "noise":
+            law["drift"] = None if mine.effort.quick else _drift(scenario)
             law["trace"] = extra.trace(scenario, FIRST_HELD_OUT)
             law["bytes"] = len(Controller(scenario)._core.state)
             law["operations"] = operations_of(row.contender, row.cell.information, counted)
     return found
+
+
+def _drift(scenario: Scenario) -> list[float] | None:
+    """Norm of what a law has learned at a tenth, half and all of 1e6 steps in noise; None if nothing.
+
+    Empty if the law diverges.
+    """
+    try:
+        found = extra.drift(scenario, FIRST_HELD_OUT)
+    except DivergedError:
+        return []
+    return None if found is None else found[1]
 
 
 def _described(law: Contender) -> dict[str, Any]:
@@ -212,6 +227,7 @@ def _described(law: Contender) -> dict[str, Any]:
         "words": law.words,
         "house": law.name in HOUSE,
         "trace": [],
+        "drift": None,
         "bytes": None,
         "operations": None,
         "noise": None,
@@ -225,6 +241,11 @@ def _claims(facts: Facts, law: str, laws_of: Mapping[str, Laws], curves: Publish
     return judge(facts, {name: Material(facts, law, noisy, exact, of) for name, of in variants.items()})
 
 
+def _open(found: tuple[float, float, float] | None) -> tuple[float | None, ...] | None:
+    """A ratio with its interval, without an infinite end, which JSON has not."""
+    return None if found is None else tuple(None if math.isinf(each) else each for each in found)
+
+
 def _switches(laws_of: Mapping[str, Laws]) -> list[dict[str, Any]]:
     """Ratio of the error with a part of a law to the error without it, with its interval over seeds and searches."""
     return [
@@ -232,7 +253,7 @@ def _switches(laws_of: Mapping[str, Laws]) -> list[dict[str, Any]]:
             "words": switch.words,
             "having": switch.having,
             "lacking": switch.lacking,
-            **{setting: found.ratio(switch.having, switch.lacking) for setting, found in laws_of.items()},
+            **{setting: _open(found.ratio(switch.having, switch.lacking)) for setting, found in laws_of.items()},
         }
         for switch in SWITCHES
     ]

@@ -105,7 +105,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         '#include "fracgyro/hardware/guard.hpp"',
         '#include "fracgyro/control/course.hpp"',
         '#include "fracgyro/controllers/registry.hpp"',
-        '#include "fracgyro/hardware/trigger.hpp"',
+        '#include "fracgyro/hardware/pickoffs.hpp"',
         "",
         "// Unnamed, so that two exported controllers can be linked into one program.",
         "namespace fracgyro_exported {",
@@ -172,8 +172,8 @@ def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list
     positions_only, filtered = (bandwidth > 0.0 for bandwidth in setup.sensing[:2])
     if positions_only:
         lines.append("// Without a velocity sensor: the velocity in fracgyro_motion is ignored.")
-    triggered = max(setup.sensing[6:]) > 0.0
-    if positions_only or filtered or triggered:
-        seen = ", ".join(str(each).lower() for each in (positions_only, filtered, triggered))
+    triggered, corrected = any(setup.sensing[6:8]), any(setup.sensing[8:])
+    if positions_only or filtered or triggered or corrected:
+        seen = ", ".join(str(each).lower() for each in (positions_only, filtered, triggered, corrected))
         controller = f"fracgyro::ForDevice<{controller}, {seen}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]

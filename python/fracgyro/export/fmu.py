@@ -280,7 +280,7 @@ def _header(
         f"inline constexpr bool reference_is_input = {_cpp(reference == 'input')};",
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
-        f"inline constexpr std::array<double, 8> sensing{{{', '.join(map(_cpp, sensing(scenario)))}}};",
+        f"inline constexpr std::array sensing{{{', '.join(map(_cpp, sensing(scenario)))}}};",
         f"inline constexpr bool ideal = {_cpp(ideal)};",
         _array("numbers", [*core_numbers(scenario).values(), *(() if ideal else device_numbers(scenario).values())]),
         _array("poles", poles),

@@ -64,14 +64,14 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def sensing(scenario: Scenario) -> list[float]:
-    """Observer, filter, event trigger for the core, as sensing_of in include/fracgyro/sim/settings.hpp lists them."""
+    """Observer, filter, event trigger and known pick-offs for the core, as sensing_of in settings.hpp lists them."""
     return list(core_setup(scenario).sensing)
 
 
 def observer_bandwidth(scenario: Scenario) -> float:
-    """Observer bandwidth for the core: 0 if the velocity is measured. Raises ScenarioError for a filter or trigger.
+    """Observer bandwidth for the core: 0 if the velocity is measured.
 
-    For targets without them.
+    For targets without filter, trigger and correction of pick-offs. Raises ScenarioError for these.
     """
     c = scenario.controller
     for name in ("event_threshold", "event_share"):
@@ -85,6 +85,12 @@ def observer_bandwidth(scenario: Scenario) -> float:
             f"controller.filter is {format_value(scenario.controller.filter)}: it must be none for this target, which "
             "has no filter"
         )
+    for name, off in (("pickoff_gain_error", (0.0, 0.0)), ("pickoff_misalignment", 0.0)):
+        if (known := getattr(scenario.datasheet, name)) != off:
+            raise ScenarioError(
+                f"datasheet.{name} is {format_value(known)}: it must be {format_value(off)} for this target, which "
+                "does not correct measurements"
+            )
     return sensing(scenario)[0]
 
 

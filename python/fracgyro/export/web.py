@@ -38,7 +38,7 @@ from ..scenario.kinds import (
     numbers,
     reports,
 )
-from ..scenario.schema import Controller, Run
+from ..scenario.schema import Controller, Datasheet, Run
 from ..scenario.terms import named_terms
 from ..scenario.to_core import datasheet
 from .compilers import FLAGS, SOURCES, include, zig
@@ -56,6 +56,13 @@ BESIDES: dict[str, dict[str, Any]] = {
     )
     for name in names
 }
+_KNOWN = Datasheet.model_json_schema()["properties"]
+BESIDES |= {
+    f"datasheet.pickoff_gain_error[{axis}]": {"unit": "1", "description": _KNOWN["pickoff_gain_error"]["description"]}
+    | entry
+    for axis, entry in enumerate(_KNOWN["pickoff_gain_error"]["prefixItems"])
+}
+BESIDES["datasheet.pickoff_misalignment"] = _KNOWN["pickoff_misalignment"]
 SWITCH = ("false", "true")
 
 
@@ -156,7 +163,7 @@ def _union(words: Sequence[str]) -> str:
 
 def document(scenario: Scenario) -> dict[str, Any]:
     """A scenario in the JSON format of fracgyro.mjs."""
-    said: dict[str, Any] = {name: attrgetter(name)(scenario) for name in BESIDES}
+    said: dict[str, Any] = {name: _stated(scenario, name) for name in BESIDES}
     said["controller.kind"] = scenario.controller.kind
     listed = settings(scenario)
     for setting in listed:
@@ -175,6 +182,13 @@ def document(scenario: Scenario) -> dict[str, Any]:
     if terms := list(named_terms(scenario)):
         found["disturbance"] = terms
     return found
+
+
+def _stated(scenario: Scenario, name: str) -> Any:
+    """The value of a field, or of a part of it: [0] or [1]."""
+    path, _, part = name.partition("[")
+    value = attrgetter(path)(scenario)
+    return value[int(part[0])] if part else value
 
 
 def _device(scenario: Scenario) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """Errors of a rate sensor with the numbers of the identified device: what the ratio of the pick-offs leaves.
 
-A controller takes the pick-offs for equal. With y divided by the identified ratio, a mismatch d of at most the interval
-is left, and the force along y, seen by that pick-off, is (1 + d) times as large. The joint filter's scale factor is
-then off by -d/2, and its zero-rate output by d dxy/(4 m), plus what the coupling stiffness adds. So the scenario is run
-with and without d, with the same noise.
+The controller of the scenario knows the identified ratio. A mismatch d of at most the interval is left, and the force
+along y, seen by that pick-off, is (1 + d) times as large. The joint filter's scale factor is then off by -d/2, and its
+zero-rate output by d dxy/(4 m), plus what the coupling stiffness adds. So the scenario is run with and without d, with
+the same noise.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Prediction:
     def words(self) -> str:
         """The prediction as a sentence."""
         return (
-            "a joint filter with this scenario, and y divided by the identified ratio: scale factor "
-            f"± {_short(self.scale_factor)} ppm, bias ± {_short(self.bias)} deg/h"
+            f"a joint filter with this scenario: scale factor ± {_short(self.scale_factor)} ppm, bias "
+            f"± {_short(self.bias)} deg/h"
         )
 
     def plain(self) -> dict[str, Any]:
@@ -63,9 +63,10 @@ def predict(scenario: Scenario, ratio: Quantity | None) -> Prediction | None:
 
 
 def _mean(scenario: Scenario, mismatch: float, rate: float) -> float:
-    """Mean rate, rad/s, of the second half of a run of the corrected device with this mismatch left."""
+    """Mean rate, rad/s, of the second half of a run in which the ratio of the pick-offs is larger by this mismatch."""
+    x, y = scenario.datasheet.pickoff_gain_error
     changes = {
-        "device.pickoff_gain_error": (0.0, mismatch),
+        "device.pickoff_gain_error": (x, (1 + mismatch) * (1 + y) - 1),
         "plant.angular_rate": rate,
         "run.units": "SI",
         "run.duration": DURATION,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -101,8 +101,12 @@ def fit_sweep(response: Response) -> SweepFit:
             rest = _complex(problem.evaluate(parameters)[0], shape, len(w))
             spread = np.sqrt(np.mean(np.abs(rest) ** 2, axis=(0, 2)) / 2 / (free / points))
             least = 1e-14 * np.abs(values).max()
-            problem = SweepModel(shape, unit, w, problem.middle, values, np.maximum(problem.noise * spread, least))
-    return _result(problem, response, order, parameters, squares, free)
+            problem = replace(problem, noise=np.maximum(problem.noise * spread, least))
+    widened = _correlated(_residuals(problem, parameters))
+    if widened > 1:  # what is known of delay and feedthrough counts as much more
+        problem = replace(problem, noise=widened * problem.noise)
+        parameters, squares = searched(problem, parameters, MAX_STEPS)
+    return _result(problem, response, order, parameters, widened**2 * squares, free, widened)
 
 
 def _distance(values: Complex) -> Array:
@@ -125,6 +129,12 @@ def _complex(rest: Array, shape: Shape, bins: int) -> Complex:
     return np.stack([(each[:half] + 1j * each[half : 2 * half]).reshape(bins, shape.axes) for each in parts], axis=2)
 
 
+def _residuals(model: SweepModel, parameters: Array) -> tuple[Complex, ...]:
+    """What the fit leaves over the noise, for each drive: (frequencies, axes)."""
+    rest = _complex(model.evaluate(parameters)[0], model.shape, len(model.w))
+    return tuple(rest[:, :, drive] for drive in range(model.shape.drives))
+
+
 def _correlated(residuals: tuple[Complex, ...]) -> float:
     """Factor on deviations for noise that is correlated between neighbors, as drifts and readings' jumps are.
 
@@ -142,10 +152,19 @@ def _correlated(residuals: tuple[Complex, ...]) -> float:
 
 
 def _result(
-    model: SweepModel, response: Response, order: NDArray[np.int64], parameters: Array, squares: float, free: int
+    model: SweepModel,
+    response: Response,
+    order: NDArray[np.int64],
+    parameters: Array,
+    squares: float,
+    free: int,
+    widened: float,
 ) -> SweepFit:
-    """The fit with the joint covariance of all parameters, of which that of K, C and B is kept."""
-    shape, n, bins = model.shape, model.shape.axes, len(model.w)
+    """The fit with the joint covariance of all parameters, of which that of K, C and B is kept.
+
+    `model`: with noise that is `widened`.
+    """
+    shape, n = model.shape, model.shape.axes
     columns, derivatives, _ = model.linear(parameters)
     rest, _, parts = model.evaluate(parameters)
     size = 4 * n
@@ -160,18 +179,18 @@ def _result(
         whole[rows, count + drive * size : count + (drive + 1) * size] = matrix
     norms = np.maximum(np.linalg.norm(whole, axis=0), np.finfo(float).tiny)
     inverse = np.linalg.pinv(whole / norms, rcond=1e-13)
-    residuals = tuple(_complex(rest, shape, bins)[:, :, drive] for drive in range(shape.drives))
-    widened = _correlated(residuals)
-    covariance = widened**2 * (inverse @ inverse.T) / np.outer(norms, norms)
+    residuals = tuple(widened * each for each in _residuals(model, parameters))
+    covariance = (inverse @ inverse.T) / np.outer(norms, norms)
     square = 2 * n * n
     places = [*range(square), *(count + drive * size + row for row in range(n) for drive in range(shape.drives))]
     drives = np.stack([part[:n] for part in parts], axis=1)
-    feedthrough: Complex = np.stack([part[2 * n : 3 * n] + 1j * part[3 * n :] for part in parts], axis=1)
-    deviations = np.sqrt(np.diag(covariance))[count:].reshape(shape.drives, 4, n)
+    through: Complex = np.stack([part[2 * n : 3 * n] + 1j * part[3 * n :] for part in parts], axis=1)
+    feedthrough: Complex = np.asarray(np.exp(-1j * parameters[-2]) * through, dtype=complex)  # at the middle
     lines = [np.asarray(columns @ part, dtype=complex) for part in parts]
     fitted: Complex = np.asarray(np.stack(lines, axis=2) * model.noise[:, None], dtype=complex)
     found = np.concatenate([parameters[:square], drives.ravel()])
-    result = SweepResult(found, covariance[np.ix_(places, places)], squares, free, model.noise, residuals)
+    noise = model.noise / widened
+    result = SweepResult(found, covariance[np.ix_(places, places)], squares, free, noise, residuals)
     sorted_response = Response(
         response.name, response.frequency[order], response.values[order], response.axes, response.drives,
         response.state, response.digest,
@@ -179,7 +198,10 @@ def _result(
     delay, deviation = (
         float(each) / model.unit for each in (parameters[-1], np.sqrt(covariance[count - 1, count - 1]))
     )
-    spread = np.hypot(deviations[:, 2], deviations[:, 3]).T
+    spread = np.stack(
+        [_size_deviation(covariance, count + drive * size, n, through[:, drive]) for drive in range(shape.drives)],
+        axis=1,
+    )
     lean, lean_shift = _lean(model, parameters, whole / norms, rest, drives)
     return SweepFit(
         result,
@@ -194,9 +216,20 @@ def _result(
         widened,
         spread,
         "up" if response.frequency[-1] > response.frequency[0] else "down",
-        lean / widened,
+        lean,
         lean_shift,
     )
+
+
+def _size_deviation(covariance: Array, first: int, n: int, through: Complex) -> Array:
+    """Deviation of the size of the feedthrough to each pick-off; its phase is known less well, as that of the
+    instrument is. `first`: place of the linear parts of this drive."""
+    found = []
+    for i, each in enumerate(through):
+        places = [first + 2 * n + i, first + 3 * n + i]
+        along = np.array([each.real, each.imag]) / abs(each) if each else np.array([1.0, 1.0])
+        found.append(math.sqrt(along @ covariance[np.ix_(places, places)] @ along))
+    return np.array(found)
 
 
 def _lean(model: SweepModel, parameters: Array, others: Array, rest: Array, drives: Array) -> tuple[Array, Array]:

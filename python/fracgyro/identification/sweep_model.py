@@ -2,10 +2,11 @@
 
 The response to each drive is
 
-    H(w) = exp(-j (phi + (w - w_m) tau)) [ (-w^2 + jw C + K)^-1 B + j (w - w_m) D1 ] + D0
+    H(w) = exp(-j (phi + (w - w_m) tau)) [ (-w^2 + jw C + K)^-1 B + j (w - w_m) D1 + D0 ]
 
 with B and D1 real and D0, the feedthrough, complex. `phi` holds the instrument's phase and the delay at the middle w_m
-of the sweep; tau its slope. B, D0 and D1 are linear: they are projected out. All derivatives are written by hand, as
+of the sweep; tau its slope. The feedthrough is as late as the rest: with a constant one, sweeps of 1e-5 noise were not
+white. B, D0 and D1 are linear: they are projected out. All derivatives are written by hand, as
 finite differences of a mode with a quality factor of 10^6 have no correct digit.
 """
 
@@ -25,9 +26,9 @@ Array = NDArray[np.float64]
 SMALL_STEP = 1e-4  # length of a step, in standard deviations, that is not taken
 SINGULAR = 1e-14  # eigenvalues of the normal equations below this are rounding
 # A narrow sweep hardly shows the slopes of delay and feedthrough, and drifts of the instrument resemble them. So they
-# have a deviation before any record, as physics has it: a delay of some periods, a feedthrough such as jw Cp.
-DELAY = 10.0  # 1/omega0
-SLOPE = 3.0  # times the feedthrough over omega0
+# have a deviation before any record, as physics has it: a delay of half a period, a feedthrough such as jw Cp.
+DELAY = 3.0  # 1/omega0
+SLOPE = 1.0  # times the feedthrough over omega0
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ class SweepModel:
         columns = still.copy()
         columns[:, :, :n] = turn * inverse
         columns[:, :, n : 2 * n] = turn * 1j * (w - self.middle)[:, None, None] * np.eye(n)
-        columns[:, :, 2 * n : 3 * n] = np.eye(n) / self.noise[:, None]
-        columns[:, :, 3 * n :] = 1j * np.eye(n) / self.noise[:, None]
+        columns[:, :, 2 * n : 3 * n] = turn * np.eye(n)
+        columns[:, :, 3 * n :] = turn * 1j * np.eye(n)
         derivatives: list[Complex] = []
         for power in (0, 1):
             for i in range(n):
@@ -65,10 +66,8 @@ class SweepModel:
                     product = -inverse[:, :, i, None] * inverse[:, None, k, :]
                     one[:, :, :n] = turn * product * ((1j * w) ** power)[:, None, None]
                     derivatives.append(one)
-        turned = columns.copy()
-        turned[:, :, 2 * n :] = 0
-        derivatives.append(-1j * turned)
-        derivatives.append(-1j * (w - self.middle)[:, None, None] * turned)
+        derivatives.append(-1j * columns)
+        derivatives.append(-1j * (w - self.middle)[:, None, None] * columns)
         return columns, derivatives, inverse
 
     def stacked_columns(self, columns: Complex) -> Array:

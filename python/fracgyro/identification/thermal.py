@@ -31,6 +31,7 @@ SAME = 1e-4  # relative change of all variances that ends the search
 SMALLEST = 1e-12  # times the white variance: a thermal variance that is zero
 MAX_SPREAD = 0.5  # deviation over the density, above which it gives no gain of the pick-off
 BOUND = 0.05  # probability of the likelihood ratio of a thermal motion that is not included
+HARDLY = 0.5  # likelihood ratio by the score, below which there is no thermal motion: its p is 0.3
 
 
 @dataclass(frozen=True)
@@ -139,10 +140,13 @@ def estimated(
         parts.append(_Part(rest, column, shapes))
     white = np.arange(records * axes + axes) < records * axes
     start = np.where(white, 1.0, 0.0)
-    plain, without, _ = _searched(parts, start, white)
+    plain, without, score, information = _searched(parts, start, white)
+    if _by_score(score, information, white) < HARDLY:
+        deviations = noise.white * np.sqrt(plain[white].reshape(records, axes))
+        return Noise(deviations, np.zeros(axes), np.zeros(axes))
     begin = np.where(white, plain, 0.0)
     begin[~white] = noise.thermal / _unit(noise, spectra)
-    free, likelihood, information = _searched(parts, begin, np.ones(len(start), dtype=bool))
+    free, likelihood, _, information = _searched(parts, begin, np.ones(len(start), dtype=bool))
     ratio = 2 * (likelihood - without)
     p = _boundary(axes, ratio)
     scales = _unit(noise, spectra)
@@ -152,6 +156,15 @@ def estimated(
     spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0))[~white] * scales
     deviations = noise.white * np.sqrt(free[white].reshape(records, axes))
     return Noise(deviations, free[~white] * scales, spread, p)
+
+
+def _by_score(score: Array, information: Array, white: NDArray[np.bool_]) -> float:
+    """About the ratio of the likelihoods with the best thermal motion and without, from the derivatives without: each
+    axis by itself."""
+    among, between = information[np.ix_(white, white)], information[np.ix_(white, ~white)]
+    left = score[~white] - between.T @ np.linalg.lstsq(among, score[white], rcond=1e-12)[0]
+    own = np.diag(information)[~white] - (between * np.linalg.lstsq(among, between, rcond=1e-12)[0]).sum(axis=0)
+    return float(np.sum(np.maximum(left, 0.0) ** 2 / np.maximum(own, np.finfo(float).tiny)))
 
 
 def _unit(noise: Noise, spectra: Sequence[Complex]) -> Array:
@@ -176,8 +189,9 @@ def _boundary(axes: int, ratio: float) -> float:
     return float(0.5 * chdtrc(1, ratio) + 0.25 * chdtrc(2, ratio))
 
 
-def _searched(parts: Sequence[_Part], start: Array, free: NDArray[np.bool_]) -> tuple[Array, float, Array]:
-    """The variances, the restricted log-likelihood and the information of all variances, by Fisher's scoring."""
+def _searched(parts: Sequence[_Part], start: Array, free: NDArray[np.bool_]) -> tuple[Array, float, Array, Array]:
+    """The variances, the restricted log-likelihood, its derivative and the information of all variances, by Fisher's
+    scoring."""
     values = start
     best, score, information = _likelihood(parts, values)
     for _ in range(STEPS):
@@ -198,7 +212,7 @@ def _searched(parts: Sequence[_Part], start: Array, free: NDArray[np.bool_]) -> 
         values, best, score, information = trial, found, new_score, new_information
         if done:
             break
-    return values, best, information
+    return values, best, score, information
 
 
 def _likelihood(parts: Sequence[_Part], values: Array) -> tuple[float, Array, Array]:

@@ -31,6 +31,7 @@ SOURCES = {
     "plant.damping": ("dxx", "dxy", "dyy"),
     "plant.angular_rate": ("rate",),
     "device.pickoff_gain_error": ("pickoff_ratio",),
+    "datasheet.pickoff_gain_error": ("pickoff_ratio",),
     "device.force_misalignment": ("beta",),
     "device.cubic_stiffness": ("cubic_x", "cubic_y"),
     "reference.frequency": ("frequency_1", "frequency_2"),
@@ -91,9 +92,12 @@ def _changes(found: Results, base: Scenario, axes: Axes) -> dict[str, Any]:
         seen, pushed = -angle, pushed - angle
     ratio = _rounded(found, "pickoff_ratio") or 1.0
     rate = _rate(found)
+    gains = (0.0, float(f"{ratio - 1:.12g}"))
     changes = linear.changes() | {
-        "device.pickoff_gain_error": (0.0, float(f"{ratio - 1:.12g}")),
+        "device.pickoff_gain_error": gains,
         "device.pickoff_misalignment": seen,
+        "datasheet.pickoff_gain_error": gains,
+        "datasheet.pickoff_misalignment": seen,
         "device.force_misalignment": pushed,
         "adaptation.initial_ratio": 1.0,
         **_in_seconds(base, linear),
@@ -203,7 +207,8 @@ def toml_of(found: Results, axes: Axes = "pickoffs") -> str:
         words.append(f"All is in the principal axes of the stiffness, which the pick-offs see turned: {said}.")
         for field in ("plant.stiffness", "plant.damping", "device.force_misalignment"):
             comments.setdefault(field, []).append("In the principal axes; intervals are for the axes of the pick-offs.")
-        comments["device.pickoff_misalignment"] = ["From the principal axes to the pick-offs."]
+        for table in ("device", "datasheet"):
+            comments[f"{table}.pickoff_misalignment"] = ["From the principal axes to the pick-offs."]
     return commented(scenario, words, comments)
 
 
@@ -234,10 +239,14 @@ def _field_comments(found: Results, scenario: Scenario) -> dict[str, list[str]]:
         in_steps = _delay(found, Scenario.shipped(base_name(found)), scenario.plant.reference_frequency)
         part = "it is too long to be set" if in_steps is None else f"{in_steps[0]} steps of this run"
         comments["device.delay"] = [f"Identified from {names}: {said}; {part}."]
+    if "pickoff_ratio" in found and found["pickoff_ratio"].determined:
+        words = "Measurements are corrected by it before the controller."
+        comments.setdefault("datasheet.pickoff_gain_error", []).append(words)
     matrix = correction(found)
-    if matrix is not None:
-        words = f"A controller takes the pick-offs for equal: multiply what is measured by {matrix} before it."
-        comments.setdefault("device.pickoff_gain_error", []).append(words)
+    if matrix is not None and matrix[1][0]:
+        words = "The pick-offs are not at right angles, for which a scenario has no field: "
+        words += f"instead of this correction, multiply what is measured by {matrix}."
+        comments.setdefault("datasheet.pickoff_gain_error", []).append(words)
     relative = "Relative: no mass was given, so stiffness and damping are per 1 kg."
     if found.known.mass is None:
         comments["plant.mass"] = [relative]

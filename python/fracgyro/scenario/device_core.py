@@ -20,7 +20,9 @@ IDEAL = Device()
 def is_ideal(scenario: Scenario) -> bool:
     """True if the rate is constant and the device ideal, and the controller receives the measurements themselves."""
     c = scenario.controller
-    plain = bool(c.filter == "none" and not c.event_threshold and not c.event_share)
+    known = scenario.datasheet
+    corrected = any(known.pickoff_gain_error) or known.pickoff_misalignment
+    plain = bool(c.filter == "none" and not c.event_threshold and not c.event_share and not corrected)
     return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL and not has_volts(scenario)
 
 

@@ -7,10 +7,10 @@ everything else is nondimensional. A field's description becomes its comment in 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from .disturbance import FORCE
 from .kinds import KINDS, MEANINGS, PLANT_KINDS, PLANT_MEANINGS, plant_fields, plants_with, table_fields
@@ -22,6 +22,7 @@ from .table import (
     Symmetric,
     Table,
     Vector,
+    as_tuple,
     field,
     message_error,
     of_other_kinds,
@@ -29,6 +30,7 @@ from .table import (
 )
 
 SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
+Gain = Annotated[float, Field(gt=-1)]  # error of one
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
 RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
 
@@ -238,7 +240,20 @@ class Guard(_Guard):
 
 
 class Datasheet(_Datasheet):
-    """Noise and delay that the controller assumes; adaptation.kind joint and controller.filter kalman need them."""
+    """Device as the controller knows it; adaptation.kind joint and controller.filter kalman need noise and delay."""
+
+    pickoff_gain_error: Annotated[tuple[Gain, Gain], as_tuple("x y", expand=True)] = field(
+        (0.0, 0.0),
+        "[x, y], > -1: measurements are divided by 1 plus this before the controller; what device.pickoff_gain_error "
+        "is found to be. Zeros: off.",
+        unit="1",
+    )
+    pickoff_misalignment: float = field(
+        0.0,
+        "rad: angle from the axes of [plant] to those of the pick-offs by which measurements are turned back, after "
+        "their gains. 0.0: off.",
+        unit="rad",
+    )
 
 
 class Run(Table):

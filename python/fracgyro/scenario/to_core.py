@@ -349,14 +349,14 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
 
 
 def _sensing(scenario: Scenario, found: Derived) -> list[float]:
-    """Observer, filter and event trigger, as sensing_of in settings.hpp lists them."""
-    c, positions = scenario.controller, scenario.device.sensing == "position"
+    """Observer, filter, event trigger and known pick-offs, as sensing_of in settings.hpp lists them."""
+    c, known, positions = scenario.controller, scenario.datasheet, scenario.device.sensing == "position"
     observed = c.observer_bandwidth if positions else 0.0
-    trigger = c.event_threshold, c.event_share
+    rest = c.event_threshold, c.event_share, *known.pickoff_gain_error, known.pickoff_misalignment
     if c.filter == "none":
-        return [observed, *[0.0] * (1 + len(OF_FILTER)), *trigger]
+        return [observed, *[0.0] * (1 + len(OF_FILTER)), *rest]
     assumed = datasheet(scenario, found)
-    return [observed, c.observer_bandwidth, *(float(getattr(assumed, name)) for name in OF_FILTER), *trigger]
+    return [observed, c.observer_bandwidth, *(float(getattr(assumed, name)) for name in OF_FILTER), *rest]
 
 
 @lru_cache(maxsize=32)
