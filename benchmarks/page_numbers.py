@@ -702,6 +702,10 @@ def rounded(value: float) -> str:
     return thousands(float(f"{value:.2g}"))
 
 
+def kilobytes(column: str) -> str:
+    return f"{number(cell('web', column, file='fracgyro.wasm')) / 1000:.0f}"
+
+
 OVERVIEW: dict[str, Callable[[], str]] = {
     **extremes("run", runs, lambda value: f"{value:.0f}"),
     **extremes("history", lambda: peers("full history"), rounded),
@@ -711,6 +715,8 @@ OVERVIEW: dict[str, Callable[[], str]] = {
         for key, of in extremes(name, partial(steady, name), short).items()
     },
     "web.run": lambda: said("web", r"first time, then (\d+) ms"),
+    "web.size": lambda: kilobytes("bytes"),
+    "web.packed": lambda: kilobytes("gzipped"),
 }
 
 # -- docs/compare.md ---------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ PAGES = (
     *(f"docs/{name}.md" for name in ("compare", "firmware", "fpga", "paper", "performance")),
 )
 PAGES += ("docs/limit.md", "docs/rate_sensor.md", "docs/references.md", "docs/site/index.md", "docs/site/install.md")
-PAGES += ("docs/zoo.md",)
+PAGES += ("docs/zoo.md", "integrations/web/README.md")
 NUMBER = re.compile(r"([^\s|()\[\]<>*]+)<!--([\w.]+)-->")
 TABLE = re.compile(r"(<!-- table: ([\w.]+) -->\n\|.*\|\n\|[-|: ]+\|\n)((?:\|.*\|\n)*)")
 

@@ -2,7 +2,7 @@
 // `make web` writes the types of the settings at the end, from the core's own lists.
 
 /**
- * Loads the module and its data, by default from the folder of fracgyro.mjs. Node fetches no files: pass both.
+ * Loads the module and its data, by default from the folder of fracgyro.mjs. Node cannot fetch files: pass both.
  * `single`: fracgyro-single.wasm, whose controllers compute in single precision, and which has no loop.
  */
 export function load(files?: { wasm?: BufferSource; data?: object; single?: boolean }): Promise<Fracgyro>;

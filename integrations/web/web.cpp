@@ -1,7 +1,6 @@
-// Functions that fracgyro.mjs calls: the closed loop, and a controller by itself. One instance of the module holds one
-// of them, in these globals and in the module's memory, which is freed with the instance. The module imports nothing
-// but the caller's law, which no other run calls. FRACGYRO_SINGLE: a module of controllers in single precision, without
-// a loop.
+// Functions that fracgyro.mjs calls: the closed loop, and a controller by itself. An instance of the module holds one
+// of them, in these globals and in the module's memory, which is freed with the instance. The module imports only the
+// caller's law. FRACGYRO_SINGLE: a module of controllers in single precision, without a loop.
 #define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // called for a vector that would be too long
 #include "fracgyro/core/kernel_design.hpp"
 #include "fracgyro/sim/guarded_controller.hpp"
@@ -138,9 +137,10 @@ EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(c
 
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
-// The kind is a place in the registry; `sensing`: observer, filter, trigger, known pick-offs, as sensing_of in
-// settings.hpp lists them; `device`: the numbers of a moving rate and a real device, or nullptr. Designs the
-// exponentials of a controller with memory. Returns whether there are such.
+// The kind is a place in the registry; `sensing`: observer, filter, trigger, known pick-offs, as sensing_of in settings.hpp lists
+// them;
+// `device`: the numbers of a moving rate and a real device, or nullptr. Designs the exponentials of a controller with
+// memory. Returns whether there are such.
 EXPORT bool setup_done(std::size_t kind, const double* sensing, double duration, double tolerance,
                        const double* device) {
     setup.controller = params_of_kind(kind);

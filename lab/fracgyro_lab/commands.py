@@ -63,10 +63,12 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO...]", shell_complete=scenario_names)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
 @click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
-@click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
-@click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
+@click.option(
+    "--class", "classes", callback=_listed, metavar="F,P", help="Select what is measured: F all, P positions only."
+)
+@click.option("--noise", callback=_numbers, metavar="N,N", help="Set the noise of positions in m/sqrt(Hz), as 0,1e-13.")
 @controller_option("Add your own controller.")
-@click.option("--trials", type=int, metavar="N", help="Largest number of trials of each search.")
+@click.option("--trials", type=int, metavar="N", help="Limit the trials of each search to N.")
 @click.option("--quick", is_flag=True, help="Run a quick preview: 20 trials, 2 seeds; gains are not tuned.")
 @click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
@@ -80,7 +82,7 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
     "--searched",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="An earlier compare.json: keep its searches whose errors are still the same.",
+    help="Keep those searches of this earlier compare.json whose errors are still the same.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[str, ...], out: Path, as_json: bool, **options: Any) -> None:
@@ -121,10 +123,10 @@ def _line(row: dict[str, Any]) -> list[str]:
     type=click.Choice(["F", "P"]),
     default="F",
     show_default=True,
-    help="Measured: F all, P positions only.",
+    help="Select what is measured: F all, P positions only.",
 )
-@click.option("--author", metavar="NAME", help="Name for the board.")
-@click.option("--check", "checked", is_flag=True, help="LAW is an entry: run its law again and compare.")
+@click.option("--author", metavar="NAME", help="Set the name shown on the board.")
+@click.option("--check", "checked", is_flag=True, help="Reproduce LAW, an entry: run its law again and compare.")
 def enter(law: str, out: Path | None, information: str, author: str | None, checked: bool) -> None:
     """Run a law through the task `track`, for the board.
 

@@ -181,7 +181,7 @@ def test_bounded_is_what_cannot_grow_to_where_the_loop_diverges(changes: dict[st
 
 
 def test_an_unbounded_controller_is_exported_only_if_asked_for(tmp_path: Path) -> None:
-    said = "controller.switching_limit is inf: it must be at most 1 for a controller that runs on"
+    said = "controller.switching_limit is inf: it must be at most 1 for a controller that runs indefinitely"
     for export in (fg.export.firmware, fg.export.fmu, fg.export.web):
         with pytest.raises(fg.ScenarioError, match=said):
             export(PAPER, tmp_path / "out")

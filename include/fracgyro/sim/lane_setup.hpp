@@ -1,5 +1,5 @@
-// Preparation of the runs of a block. Code for every controller and number of lanes, which is not critical at run time:
-// the module compiles it in files of its own.
+// Preparation of the runs of a block. Its code exists for every controller and number of lanes and is not critical at
+// run time, so the module compiles it in files of its own.
 #pragma once
 
 #include "fracgyro/sim/batch.hpp"

@@ -16,7 +16,7 @@ REGISTERED: dict[str, EntryPoint] = {each.name: each for each in entry_points(gr
 @click.command(name="schema")
 @click.argument("kind", type=click.Choice([*KINDS, "identify", *sorted(REGISTERED)]))
 def schema_command(kind: str) -> None:
-    """Print the JSON Schema of a scenario or of a study, with which editors check TOML; or of a JSON file.
+    """Print the JSON Schema of a scenario or a study, with which editors check TOML, or of a JSON file.
 
     identify: the identify.json of `fracgyro identify`; entry: an entry of the board; zoo: an
     entry of the zoo.

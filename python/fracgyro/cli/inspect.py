@@ -25,7 +25,7 @@ WIDTH = 100
 @click.command()
 @scenario_argument()
 def check(scenario: str) -> None:
-    """Check SCENARIO without running it. Print every error, or warnings about a valid one."""
+    """Check SCENARIO without running it. Print every error; if it is valid, print warnings."""
     from ..scenario.suspicious import suspicious
 
     try:
@@ -94,7 +94,7 @@ def _plain(value: Any) -> Any:
 @click.command()
 @click.argument("field", shell_complete=fields)
 def explain(field: str) -> None:
-    """Explain FIELD of a scenario: meaning, unit, range, default, and the controllers that have it."""
+    """Explain FIELD, a metric or a channel: meaning, unit, range, default, and the controllers that have the field."""
     from ..scenario.reference import explained
 
     meaning, rows = explained(field)

@@ -14,7 +14,9 @@ from .options import scenario_argument
 
 @click.command(name="live")
 @scenario_argument()
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write a new HTML file instead.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the page to a new HTML file instead."
+)
 def live_command(scenario: str, out: Path | None) -> None:
     """Simulate SCENARIO in the browser, with controls that act while it runs. Needs ziglang."""
     from ..export import live

@@ -182,7 +182,7 @@ def _many_runs(
 @click.command(name="scenario")
 @click.argument("name", metavar="SCENARIO", shell_complete=scenarios, required=False)
 @click.option("--units", type=click.Choice(["SI"]), help="Print every number with its unit.")
-@click.option("--at-bias", "biased", is_flag=True, help="Print what its electrodes are at bias, instead.")
+@click.option("--at-bias", "biased", is_flag=True, help="Print the values of its electrodes at bias instead.")
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
 def scenario_command(name: str | None, units: str | None, biased: bool, listed: bool) -> None:
     """Print SCENARIO, a name or a file, to edit and run. The paper scenarios explain every field."""

@@ -50,20 +50,21 @@ def check_bounded(scenario: Scenario, unbounded: bool) -> None:
     c = scenario.controller
     if c.layer_thickness == 0:
         raise ScenarioError(
-            "controller.layer_thickness is 0.0: it must be greater than 0 for a controller that runs on, as without a "
-            "layer the bound estimates grow until the loop diverges; --unbounded (unbounded=True) exports it anyway"
+            "controller.layer_thickness is 0.0: it must be greater than 0 for a controller that runs indefinitely, as "
+            "without a layer the bound estimates grow until the loop diverges; --unbounded (unbounded=True) exports it "
+            "anyway"
         )
     raise ScenarioError(
         f"controller.switching_limit is {toml_value(c.switching_limit)}: it must be at most {SAFE:g} for a controller "
-        "that runs on, as in noise the bound estimates grow until the loop diverges (0.5 suits hardware); --unbounded "
-        "(unbounded=True) exports it anyway"
+        "that runs indefinitely, as in noise the bound estimates grow until the loop diverges (0.5 suits hardware); "
+        "--unbounded (unbounded=True) exports it anyway"
     )
 
 
 def cause(scenario: Scenario, run: xr.Dataset) -> tuple[float, NDArray[np.float64]] | None:
     """rho h/delta and the bound estimates, nondimensional, when the diverged run last was within the layer.
 
-    None where it was not they that ended it.
+    None if they did not cause it.
     """
     c = scenario.controller
     if not c.adaptive or c.layer_thickness == 0 or "bound_estimate" not in run:

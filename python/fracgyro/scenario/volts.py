@@ -81,7 +81,9 @@ class Electrodes(Table):
                     f"{name}.bits is {one.bits} and {name}.range is inf: a converter must have a finite range"
                 )
             if one.role == "force" and not one.bias:
-                raise message_error(f"{name}.bias is 0.0: it must not be for role force, whose force is linear in it")
+                raise message_error(
+                    f"{name}.bias is 0.0: it must be other than 0 for role force, whose force is linear in it"
+                )
         for role in ("force", "pickoff"):
             self._check_axes(role)
         return self
@@ -90,7 +92,7 @@ class Electrodes(Table):
         """Raises unless forces, or pick-offs, span both axes."""
         axes = [one.axis for one in self.each if one.role == role]
         if axes and not any(abs(a * d - b * c) > 1e-6 for a, b in axes for c, d in axes):
-            raise message_error(f"electrodes of role {role} have one direction: there must be some for each axis")
+            raise message_error(f"electrodes of role {role} have one direction: each axis must have some")
 
     def named(self) -> Iterator[tuple[str, Electrode]]:
         """Each with its name in messages: electrodes[0], electrodes[1], and so on."""
