@@ -378,7 +378,8 @@ def _by_entries(run: xr.Dataset, of: int) -> xr.DataArray:
     def warmer(scenario: Scenario) -> NDArray[np.float64]:
         scale = 1.0 if run.attrs["units"] == "SI" else scenario.plant.scales.time
         end = scenario.run.duration * scenario.plant.scales.time
-        return np.interp(scale * run["time"].values, *np.transpose(scenario.device.temperature(end)))
+        times, changes = np.transpose(scenario.device.temperature(end))
+        return np.asarray(np.interp(scale * run["time"].values, times, changes))
 
     drift = of_each(run, lambda s: s.device.drifts(*_true_matrices(s))[of], "entry")
     return drift * of_each(run, warmer, "time") if drift.any() else xr.DataArray(0.0)
