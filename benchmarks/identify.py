@@ -91,7 +91,7 @@ def main() -> None:
             alarms += failed(tests(found.fit, found.spectra, found.segments))
         lines.append(f"| decay, {name} | {samples:,} | {noise:g} | {row(errors, squares, alarms, used / SEEDS)}")
         print(lines[-1], flush=True)
-    few = max(SEEDS // 3, 1)  # of slow fits
+    few = max(SEEDS // 3, 1)  # slow fits
     push, leak = 1e-2 * np.array([[1.0, 0.0], [0.0, 0.9]]), np.array([[0.02, 0.005], [0.003, 0.03]])
     for name, device, samples in (
         ("dual mass", bench.DUAL_MASS, 8192),

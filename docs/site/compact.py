@@ -8,7 +8,7 @@ from typing import Any
 from PIL import Image
 from sphinx.application import Sphinx
 
-COLORS = 96  # of a plot: its curves and letters with their edges
+COLORS = 96  # enough for a plot: its curves and letters with their edges
 
 _sidebars: dict[tuple[Any, ...], str] = {}
 

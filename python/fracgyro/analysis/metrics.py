@@ -373,7 +373,7 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
 
 
 def _by_entries(run: xr.Dataset, of: int) -> xr.DataArray:
-    """What the temperature adds to D (0) or K (1) at each time beyond their common growth, nondimensional."""
+    """Change of D (0) or K (1) with temperature at each time, beyond their common growth, nondimensional."""
 
     def warmer(scenario: Scenario) -> NDArray[np.float64]:
         scale = 1.0 if run.attrs["units"] == "SI" else scenario.plant.scales.time

@@ -19,7 +19,7 @@ from .spectra import Spectrum
 Array = NDArray[np.float64]
 
 PASSES = 12
-SAME = 1e-4  # of the damping: a change that ends the passes
+SAME = 1e-4  # change of the damping that ends the passes
 
 
 def stacked(values: NDArray[Any]) -> Array:

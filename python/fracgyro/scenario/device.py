@@ -227,7 +227,7 @@ def _lagging(points: Points, width: float) -> Points:
     for (begin, before), (end, after) in pairwise(points):
         held = min(max(answer, after - width), after + width)
         if held != answer:
-            edge = answer + width if held > answer else answer - width  # where the answer begins to move
+            edge = answer + width if held > answer else answer - width  # here the answer begins to move
             part = (edge - before) / (after - before)
             if 0.0 < part < 1.0:
                 found.append((begin + part * (end - begin), answer))
