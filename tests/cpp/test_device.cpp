@@ -262,6 +262,55 @@ TEST(VaryingGyroscope, EntriesThatHaveDriftedAreThoseEntries) {
     }
 }
 
+// Two axes of one frequency, without damping.
+GyroscopeParams round_oscillator() {
+    return {.stiffness = {1.0, 0.0, 1.0}, .initial_position = {1.0, 0.0}, .initial_velocity = {0.0, 0.4}};
+}
+Motion<double> free_motion(const GyroscopeParams& p, Vec2<double> own, const CubicCoupling& coupling, int steps) {
+    const auto c = VaryingGyroscope::prepare({p, own, false, {}, coupling}, 1e-2);
+    Motion<double> motion = Gyroscope<double>::start(p);
+    for (int n = 0; n < steps; ++n) {
+        VaryingGyroscope::step(motion, c, {}, {}, {});
+    }
+    return motion;
+}
+
+TEST(CubicCoupling, ItsForcesComeFromItsEnergy) {
+    const CubicCoupling coupling{.shared = 0.7, .skewed = {-0.4, 0.9}};
+    const auto energy = [&](double x, double y) {
+        return 0.35 * x * x * y * y - 0.4 * x * x * x * y + 0.9 * x * y * y * y;
+    };
+    for (const Vec2<double> q : {Vec2<double>{0.8, -0.3}, Vec2<double>{-1.1, 0.6}}) {
+        constexpr double d = 1e-5;
+        const double x = q.x(), y = q.y();
+        expect_near(coupling(q),
+                    {(energy(x - d, y) - energy(x + d, y)) / (2 * d), (energy(x, y - d) - energy(x, y + d)) / (2 * d)},
+                    1e-9);
+    }
+}
+
+TEST(CubicCoupling, SpringsThatAreTheSameInAllDirectionsKeepTheAngularMomentum) {
+    const GyroscopeParams p = round_oscillator();
+    const auto momentum = [](const Motion<double>& m) {
+        return m.position.x() * m.velocity.y() - m.position.y() * m.velocity.x();
+    };
+    const Motion<double> round = free_motion(p, {0.1, 0.1}, {.shared = 0.1}, 2000);
+    EXPECT_NEAR(momentum(round), 0.4, 1e-8);
+    EXPECT_GT(std::abs(momentum(free_motion(p, {0.1, 0.1}, {}, 2000)) - 0.4), 1e-3);
+}
+
+// An ellipse with the half axes a and b turns against its motion by κ a b/(4 ω) (Friedland and Hutton, 1978), κ small.
+TEST(CubicCoupling, AnEllipseTurns) {
+    constexpr double a = 1.0, b = 0.4, kappa = 1e-3;
+    constexpr int steps = 40'000;  // 400 units of time
+    const Motion<double> m = free_motion(round_oscillator(), {kappa, kappa}, {.shared = kappa}, steps);
+    const double across = 2.0 * (m.position.x() * m.position.y() + m.velocity.x() * m.velocity.y());
+    const double along = m.position.x() * m.position.x() + m.velocity.x() * m.velocity.x() -
+                         m.position.y() * m.position.y() - m.velocity.y() * m.velocity.y();
+    const double turned = -kappa * a * b / 4.0 * 1e-2 * steps;
+    EXPECT_NEAR(0.5 * std::atan2(across, along), turned, 0.01 * std::abs(turned));
+}
+
 TEST(ThermalParams, ASmallTurnOfTheDampingKeepsItsEigenvalues) {
     const Sym2<double> d{3.0, 0.5, 1.0};
     const auto turned_by = [&](double angle) { return d + damping_per_kelvin({.damping_axis = angle}, d); };

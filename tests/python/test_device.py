@@ -555,3 +555,16 @@ def test_the_controller_alone_observes_the_velocity_and_resumes() -> None:
 def test_with_a_sensor_of_velocity_the_velocity_must_be_given() -> None:
     with pytest.raises(ValueError, match=r"velocity is missing: it must be given unless device.sensing is"):
         fg.Controller(PAPER).step(0.0, (0.5, 0.5))
+
+
+def test_cubic_springs_of_the_device_are_those_of_the_plant_of_that_kind() -> None:
+    """Two integrators: Lawson's method, and Runge-Kutta's of plant.kind duffing."""
+    short = fg.Scenario.paper().replace({"run.duration": 5.0, "controller.kind": "pid", "disturbance.kind": "none"})
+    own, coupling = (3e12, 1e12), 2e12
+    device = short.replace({"device.cubic_stiffness": own, "device.cubic_coupling": coupling})
+    plant = short.replace({"plant.kind": "duffing", "plant.cubic_stiffness": own, "plant.cubic_coupling": coupling})
+    found, expected, linear = (fg.simulate(each)["control"].values for each in (device, plant, short))
+    np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
+    assert np.abs(found - linear).max() > 1e-3 * np.abs(expected).max()
+    skewed = fg.simulate(device.replace({"device.cubic_skew": (1e12, 0.0)}))["control"].values
+    assert np.abs(skewed - found).max() > 1e-4 * np.abs(expected).max()

@@ -55,6 +55,19 @@ struct ThermalParams {
     }
 };
 
+// Cubic forces between the axes, -∂/∂q of ½ c₁ x²y² + c₂ x³y + c₃ xy³; those of each axis are cubic_stiffness.
+struct CubicCoupling {
+    double shared = 0.0;    // c₁
+    Vec2<double> skewed{};  // c₂, c₃
+
+    bool on() const { return shared != 0.0 || skewed.x() != 0.0 || skewed.y() != 0.0; }
+    Vec2<double> operator()(const Vec2<double>& q) const {
+        const double x = q.x(), y = q.y(), c2 = skewed.x(), c3 = skewed.y();
+        return {-(shared * x * y * y + 3.0 * c2 * x * x * y + c3 * y * y * y),
+                -(shared * x * x * y + c2 * x * x * x + 3.0 * c3 * x * y * y)};
+    }
+};
+
 struct ImperfectionParams {
     double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, per sample and axis
     double position_flicker = 0.0, velocity_flicker = 0.0;  // A of flicker.hpp
@@ -65,10 +78,11 @@ struct ImperfectionParams {
     AxesParams force{};
     std::int64_t delay = 0;          // steps
     Vec2<double> cubic_stiffness{};  // per axis: the force is -cubic_stiffness·q³
-    double stiffness_drift = 0.0;    // K grows by this fraction per kelvin
-    double damping_drift = 0.0;      // D grows by this fraction per kelvin
-    double bias_instability = 0.0;   // rate: A of flicker.hpp, the B of IEEE Std 952
-    double rate_walk_step = 0.0;     // standard deviation of its steps
+    CubicCoupling cubic_coupling{};
+    double stiffness_drift = 0.0;   // K grows by this fraction per kelvin
+    double damping_drift = 0.0;     // D grows by this fraction per kelvin
+    double bias_instability = 0.0;  // rate: A of flicker.hpp, the B of IEEE Std 952
+    double rate_walk_step = 0.0;    // standard deviation of its steps
     ThermalParams thermal{};
     Profile temperature{};  // its change, K
 
@@ -114,6 +128,12 @@ struct ImperfectionParams {
                         "0: off.")),
             fixed(field("cubic_stiffness", &P::cubic_stiffness, "m*omega0^2/q0^2", any_number,
                         "[x, y]: each spring pulls with this times q^3 more; negative softens. Zeros: off.")),
+            fixed(field("cubic_coupling", Within{&P::cubic_coupling, &CubicCoupling::shared}, "m*omega0^2/q0^2",
+                        any_number,
+                        "c1 of the energy c1 x^2 y^2/2: x is pulled with c1 x y^2, y with c1 x^2 y. Springs that are "
+                        "the same in all directions have it equal to both of cubic_stiffness. 0.0: off.")),
+            fixed(field("cubic_skew", Within{&P::cubic_coupling, &CubicCoupling::skewed}, "m*omega0^2/q0^2", any_number,
+                        "[c2, c3] of the energy c2 x^3 y + c3 x y^3. Zeros: off.")),
             fixed(field("stiffness_drift", &P::stiffness_drift, "1/K", any_number,
                         "of K and Delta K, by the temperature below. It is twice the temperature coefficient of the "
                         "frequency (TCF) in a data sheet. 0.0: off.")),

@@ -2,7 +2,7 @@
 //
 //        q̈ + ((1 + η(t)) (D + ΔD) + T(t) D' + 2Ω(t)) q̇ + ((1 + ε(t)) (K + ΔK) + T(t) K') q + κ q³ = u + d
 //
-//    κ q³ = [κx x³, κy y³]; T is the change of temperature, K' and D' that of the matrices per kelvin.
+//    κ q³ = [κx x³, κy y³] plus the forces of CubicCoupling; T is the change of temperature, K' and D' that of the matrices per kelvin.
 //
 //    With x = [q, q̇] and the A of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step uses Lawson's
 //    method of fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
@@ -25,6 +25,7 @@ struct VaryingPlantParams {
     Vec2<double> cubic_stiffness{};
     bool inertial = false;
     ThermalParams thermal{};
+    CubicCoupling coupling{};
 };
 
 // Deviations from the mean at one instant: Ωz - mean, ε and η; T, where K' or D' is not zero.
@@ -49,6 +50,8 @@ struct VaryingGyroscope {
         Sym2<double> damping{}, stiffness{};
         Sym2<double> damping_per_kelvin{}, stiffness_per_kelvin{};
         Vec2<double> cubic{};
+        CubicCoupling coupling{};
+        bool coupled = false;
         double step = 0.0;
         bool inertial = false;
     };
@@ -68,6 +71,8 @@ struct VaryingGyroscope {
                 .damping_per_kelvin = fracgyro::damping_per_kelvin(p.thermal, damping),
                 .stiffness_per_kelvin = fracgyro::stiffness_per_kelvin(p.thermal, stiffness),
                 .cubic = p.cubic_stiffness,
+                .coupling = p.coupling,
+                .coupled = p.coupling.on(),
                 .step = step,
                 .inertial = p.inertial};
     }
@@ -106,6 +111,12 @@ struct VaryingGyroscope {
         }
     }
 
+    // The cubic forces.
+    static Vec2<double> cubic(const Coefficients& c, const Vec2<double>& q) {
+        const Vec2<double> own = -(c.cubic * (q * (q * q)));
+        return c.coupled ? own + c.coupling(q) : own;
+    }
+
 private:
     struct NoForce {};
 
@@ -115,6 +126,9 @@ private:
                                                       const Motion<double>& x, const Force& more) {
         const Vec2<double>& q = x.position;
         Vec2<double> force = -(now.stiffness * (c.stiffness * q) + c.cubic * (q * (q * q)));
+        if (c.coupled) {
+            force = force + c.coupling(q);
+        }
         if constexpr (!std::is_same_v<Force, NoForce>) {
             force = force + more(q);
         }

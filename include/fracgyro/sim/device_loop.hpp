@@ -29,7 +29,7 @@ bool plant_drifts(const DeviceSetupOf<Params>& s) {
 template <class Params>
 bool plant_varies(const DeviceSetupOf<Params>& s) {
     const Vec2<double>& cubic = s.device.cubic_stiffness;
-    return plant_drifts(s) || cubic.x() != 0.0 || cubic.y() != 0.0;
+    return plant_drifts(s) || cubic.x() != 0.0 || cubic.y() != 0.0 || s.device.cubic_coupling.on();
 }
 
 template <class Params>
@@ -112,16 +112,17 @@ struct DeviceGyroscope {
     template <class Params>
     static Coefficients prepare(const DeviceSetupOf<Params>& s) {
         const double step = s.common.step;
-        return {.plant = Gyroscope<double>::prepare(s.plant, step),
-                .varying = VaryingGyroscope::prepare(
-                    {s.plant, s.device.cubic_stiffness, s.rate.inertial, s.device.thermal}, step),
-                .varies = plant_varies(s),
-                .drifts = plant_drifts(s),
-                .warms = s.device.thermal.moves_plant(),
-                .mean_rate = s.plant.rate,
-                .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
-                .device = Imperfections::prepare(s.device),
-                .volts = Volts::prepare(s.volts, s.plant, step)};
+        return {
+            .plant = Gyroscope<double>::prepare(s.plant, step),
+            .varying = VaryingGyroscope::prepare(
+                {s.plant, s.device.cubic_stiffness, s.rate.inertial, s.device.thermal, s.device.cubic_coupling}, step),
+            .varies = plant_varies(s),
+            .drifts = plant_drifts(s),
+            .warms = s.device.thermal.moves_plant(),
+            .mean_rate = s.plant.rate,
+            .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
+            .device = Imperfections::prepare(s.device),
+            .volts = Volts::prepare(s.volts, s.plant, step)};
     }
     template <class Params>
     static State start(const DeviceSetupOf<Params>& s) {
@@ -212,12 +213,12 @@ private:
             VaryingGyroscope::step(state.motion, c.varying, state.applied, held, course(state, c, n),
                                    [&](const Vec2<double>& q) { return Volts::rest(v, q, volts.volts); });
         } else if (v.acts || c.varies) {
-            const Vec2<double>& cubic = c.varying.cubic;
             // For a time with the voltages before the update, and for the rest of half a step with those after it.
             const auto kick = [&](Motion<double>& at, double before) {
                 const Vec2<double>& q = at.position;
                 const auto push = [&](const Vec2<double>& volt, double time) {
-                    at.velocity = at.velocity + time * (Volts::rest(v, q, volt) - cubic * (q * (q * q)));
+                    at.velocity =
+                        at.velocity + time * (Volts::rest(v, q, volt) + VaryingGyroscope::cubic(c.varying, q));
                 };
                 if (before > 0.0) {
                     push(volts.volts_before, before);

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 # Drifts with the temperature, in ppm/K, in addition to the common ones of stiffness and damping.
 MATRIX_DRIFTS = ("spring_drift", "quadrature_drift", "damper_drift", "damping_axis_drift")
 GAIN_DRIFTS = ("pickoff_gain_drift", "force_gain_drift")
+CUBIC = ("cubic_stiffness", "cubic_coupling", "cubic_skew")  # forces that grow with the cube of the motion
 
 if TYPE_CHECKING:
 

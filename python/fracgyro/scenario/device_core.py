@@ -73,6 +73,8 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
             "velocity_range": [reach / scales.velocity for reach in d.velocity_range],
             "actuator_limit": d.actuator_limit / scales.force,
             "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
+            "cubic_coupling": d.cubic_coupling * cubic,
+            "cubic_skew": [kappa * cubic for kappa in d.cubic_skew],
             "stiffness_drift": 1e-6 * d.stiffness_coefficient,
             "damping_drift": 1e-6 * d.damping_drift,
             **{name: np.multiply(1e-6, getattr(d, name)).tolist() for name in (*MATRIX_DRIFTS, *GAIN_DRIFTS)},
