@@ -1,4 +1,4 @@
-"""Figures that `fracgyro rate` adds for a device in volts: voltages, readout, shares of the noise, bias by its parts."""
+"""Figures that `fracgyro rate` adds for a device in volts: voltages, readout, shares of noise, bias by parts."""
 
 from __future__ import annotations
 

@@ -148,9 +148,11 @@ def temperature(sheet: Sheet, sensor: Sensor) -> tuple[Array, Array, Array] | No
     Returns temperatures in K, zero-rate outputs in rad/s and scale factors, (temperatures, runs); None where the
     scenario has no effect of the temperature.
     """
-    names = (("zero_rate_per_kelvin", "Zero-rate output over temperature", "deg/h/K"),)
-    names += (("zero_rate_residual", "… left of it by a polynomial of third order", "deg/h"),)
-    names += (("scale_per_kelvin", "Scale factor over temperature", "ppm/K"),)
+    names = (
+        ("zero_rate_per_kelvin", "Zero-rate output over temperature", "deg/h/K"),
+        ("zero_rate_residual", "… left of it by a polynomial of third order", "deg/h"),
+        ("scale_per_kelvin", "Scale factor over temperature", "ppm/K"),
+    )
     varied = f"temperature, {TEMPERATURES[0]:g} to {TEMPERATURES[-1]:g} K from nominal; rates 0 and 300 deg/s"
     device = sensor.scenario.device
     sheet.missing("12.8", "temperature_hysteresis", "Hysteresis of bias and scale factor", varied, "deg/h")
