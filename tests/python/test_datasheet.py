@@ -193,7 +193,7 @@ def test_a_datasheet_has_every_clause_and_never_a_zero_for_what_is_missing(tmp_p
     )
     assert {row["clause"] for row in found} == TITLES.keys()
     missing = [row for row in found if MISSING in row["note"]]
-    assert {"warm_up", "g_sensitivity", "shock", "voltage", "angle_drift"} <= {row["key"] for row in missing}
+    assert {"warm_up", "g_sensitivity", "shock", "voltage", "readout", "angle_drift"} <= {row["key"] for row in missing}
     assert all(row["value"] is None for row in missing)
     measured = {row["key"]: row["value"] for row in found if row not in missing}
     assert measured["polarity"] == 1.0

@@ -105,6 +105,9 @@ def _of_results(found: list[Result], sensor: Sensor) -> list[Row]:
     ):
         if not any(each.key == f"bias_by_{key}" for each in volts):
             rows.append(Row(DRIFT, f"bias_by_{key}", name, "with and without it", "deg/h", note=f"{MISSING}: {why}"))
+    if not any(each.key.startswith("readout") for each in volts):
+        note = f"{MISSING}: [electronics] without noise, or no [[electrodes]] of role pickoff"
+        rows.append(Row(DRIFT, "readout", "Readout noise", "none: from the electrodes", "m/sqrt(Hz)", note=note))
     angle = angle_figures(sensor)
     rows += [_row(DRIFT, "the angle of the line, by a rate of 300 deg/s", each) for each in angle]
     if not angle:
