@@ -146,6 +146,15 @@ def _export(panel: Axes) -> None:
     _boxes(panel, "one controller,\nthe same bits", ("microcontroller", "FPGA", "Simulink, FMU", "MATLAB", "browser"))
 
 
+def _volts(panel: Axes) -> None:
+    names = _ran("7-volts", 4)
+    tuning = np.linspace(0.0, 7.254, 50)
+    split = 53.16 * (1 - (tuning / 7.254) ** 2)
+    panel.plot(tuning, [names["closed"](each) for each in split], color=GREY, linewidth=1.0, label="closed form")
+    panel.plot(names["volts"], names["biases"], "o", color=COLORS[0], markersize=5, label="bias by 1 fF")
+    panel.set(xlabel="tuning voltage (V)", ylabel="bias (deg/h)", ylim=(-600, 200))
+
+
 # -- Cards -------------------------------------------------------------------------------------------------------------
 
 
@@ -218,6 +227,7 @@ DRAWN: dict[str, tuple[str, Draw]] = {
     "control": ("Tracking errors of two laws of a few lines, and of the paper's controller", _control),
     "sense": ("The rate steps to 1 rad/s; the estimate follows within its band and is then trusted", _sense),
     "export": ("One controller with the same bits on microcontroller, FPGA, Simulink, MATLAB, browser", _export),
+    "volts": ("The bias by a feedthrough falls to zero as a tuning voltage matches the modes", _volts),
     "claims": ("Of nine claims of the paper three hold as printed and four as corrected", _claims),
     "equations": ("The sliding surface and the law for the angular rate", _equations),
     "order": ("Errors over the order of the derivative, of the whole run and of its steady part", _order),

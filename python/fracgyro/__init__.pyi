@@ -14,6 +14,7 @@ from .devices.sheet import device as device
 from .export.parity import SelfCheck as SelfCheck
 from .export.parity import selfcheck as selfcheck
 from .identification.entry import identify as identify
+from .rate.datasheet import datasheet as datasheet
 from .scenario import Scenario as Scenario
 from .scenario import ScenarioError as ScenarioError
 from .scenario.cite import cite as cite

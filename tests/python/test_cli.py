@@ -207,6 +207,7 @@ NAMES = [
     "allan",
     "check",
     "compare",
+    "datasheet",
     "device",
     "diff",
     "enter",

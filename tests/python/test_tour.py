@@ -56,5 +56,5 @@ def test_a_page_prints_what_it_says(path: Path, tmp_path: Path, monkeypatch: pyt
     plt.close("all")
 
 
-def test_the_tour_has_six_pages() -> None:
-    assert len(TOUR) == 6
+def test_the_tour_has_seven_pages() -> None:
+    assert len(TOUR) == 7

@@ -24,6 +24,7 @@ INTERRUPTED = 130
 COMMANDS = {
     "allan": ("rate:allan_command", "Find the noise terms in a record of a gyroscope at rest."),
     "check": ("inspect:check", "Check a scenario without running it."),
+    "datasheet": ("rate:datasheet_command", "Measure a scenario by the clauses of IEEE Std 1431."),
     "device": ("sheet:device_command", "Make a scenario from a data sheet."),
     "diff": ("inspect:diff", "Print the fields in which two scenarios differ."),
     "explain": ("inspect:explain", "Explain a field, a metric or a channel."),

@@ -1,4 +1,4 @@
-"""`fracgyro rate` and `fracgyro allan`."""
+"""`fracgyro rate`, `fracgyro datasheet` and `fracgyro allan`."""
 
 from __future__ import annotations
 
@@ -111,6 +111,35 @@ def rate(
         click.echo(f"The report: {out / 'report.html'}")
     if any(each.verdict != "pass" for each in verdicts):
         raise click.exceptions.Exit(NOT_KEPT)
+
+
+@click.command(name="datasheet")
+@scenario_argument()
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@controller_option("Use your own controller instead of the scenario's; it must report rate_estimate.")
+@jobs_option(expose_value=False)
+@click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8, and 6 power cycles instead of 16.")
+@click.option("--rest", type=float, metavar="SECONDS", help="Set the length of the static test, in device time.")
+@click.option("--json", "as_json", is_flag=True, help="Print the rows as JSON.")
+def datasheet_command(
+    scenario: str, out: Path, controller: str | None, quick: bool, rest: float | None, as_json: bool
+) -> None:
+    """Measure SCENARIO by the clauses of IEEE Std 1431. Report every row with what was varied, and all points."""
+    if controller is None:
+        plain_arrays()
+    from ..rate.datasheet import as_result, datasheet, shown
+    from ..rate.report import interval_of
+
+    with progress("starting") as show:
+        rows = datasheet(
+            named(scenario), out, controller=own_controller(controller), quick=quick, rest=rest, progress=show
+        )
+    if as_json:
+        click.echo((out / "datasheet.json").read_text(encoding="utf-8"), nl=False)
+        return
+    texts = [(row.clause, row.name, shown(row), row.unit, interval_of(as_result(row)), row.note) for row in rows]
+    print_table(("clause", "row", "value", "unit", "interval", "note"), texts)
+    click.echo(f"\nThe datasheet: {out / 'datasheet.html'}")
 
 
 @click.command(name="allan")

@@ -6,4 +6,5 @@ from .characterise import characterise as characterise
 from .inspection import Event as Event
 from .inspection import inspect as inspect
 from .of_record import analyze_record as analyze_record
+from .procedures import Row as Row
 from .results import Result as Result

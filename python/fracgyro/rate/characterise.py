@@ -19,6 +19,7 @@ from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from .imu import FILES, Imu, imu_file, of_simulation
+from .in_volts import angle_figures, volts_figures
 from .measure import Characterization, measure
 from .report import write_report
 from .results import Result, results
@@ -40,6 +41,9 @@ def characterise(
 
     Returns the figures of merit in the order of the report. rate.json has the scenario, the figures, and the response
     to sinusoidal rates: frequency in Hz, gain relative to the scale factor, lag in rad.
+
+    A device in volts has figures of its own: voltages, noise of the readout and its shares, bias by feedthrough and by
+    phase. A whole-angle gyroscope has its drift against the angle, and its gain.
 
     The measurement sets the angular rate instead of plant.angular_rate; everything else is as in the scenario.
 
@@ -68,7 +72,7 @@ def characterise(
         sensor = Sensor.of(scenario, 2 if quick else 8, controller)
         runs = run_all(sensor, rest=rest, progress=progress)
         measured = measure(sensor, runs, rest=rest)
-        figures = results(measured)
+        figures = [*results(measured), *volts_figures(sensor), *angle_figures(sensor)]
         _write_json(folder / "rate.json", measured, figures)
         if imu is not None:
             name, words = imu_file(imu, [of_simulation(measured)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from .allan import FLOOR, Allan
 from .bound import Bound
 from .inspection import Event
 from .measure import Characterization
+from .procedures import Point
 from .units import DEG_PER_H, DEG_PER_S, DEGREE, MILLISECOND
 
 Array = NDArray[np.float64]
@@ -198,6 +200,26 @@ def response_chart(m: Characterization) -> Chart:
         source = embedded(figure, "Gain and phase lag over frequency")
     columns = {"frequency of the rate (Hz)": m.response.frequency, "gain (dB)": decibels, "phase lag (deg)": degrees}
     return Chart(source, _data(columns))
+
+
+def temperature_chart(points: Sequence[Point]) -> Chart | None:
+    """Zero-rate output over the temperature, less its mean at the nominal one; None without such points."""
+    found = [each for each in points if each.procedure == "temperature, at rest"]
+    if not found:
+        return None
+    kelvin, output, run = (np.array([getattr(each, name) for each in found]) for name in ("at", "value", "run"))
+    output = 3600.0 * (output - output[kelvin == 0.0].mean())
+    with own_style():
+        figure, panel = one_panel(62)
+        panel.axhline(0, color="black", linewidth=0.5)
+        for each in np.unique(run):
+            panel.plot(
+                kelvin[run == each], output[run == each], color=COLORS[0], marker="o", markersize=3, linewidth=0.8
+            )
+        panel.set_xlabel("temperature from nominal (K)")
+        panel.set_ylabel("zero-rate output (deg/h)")
+        source = embedded(figure, "Zero-rate output over the temperature")
+    return Chart(source, _data({"temperature (K)": kelvin, "run": run, "zero-rate output (deg/h)": output}))
 
 
 def _data(columns: dict[str, Any]) -> str:

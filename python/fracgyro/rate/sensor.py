@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from ..scenario import Scenario, ScenarioError
@@ -25,6 +27,7 @@ OUTPUTS = 2_000  # sensor outputs per run.duration
 CLIPPED = 0.01  # share of samples at a limit, above which a device is too weak for a rate
 MIN_OUTPUTS = 20  # for an Allan deviation
 REST_STEPS = 4_000_000
+HALF_TURNS = 1.1  # of a line of vibration, in the steady half of a run
 SHORT_REST_STEPS = 1_000_000  # for a controller that may diverge eventually
 
 
@@ -124,6 +127,31 @@ class Sensor:
         settled = run.isel(time=slice(run.sizes["time"] // 2, None))
         reached = (abs(settled[name].values) >= np.array(limit) for name, limit in limit_of.items())
         return bool((np.concatenate(list(reached), axis=1).any(axis=1)).mean() <= CLIPPED)
+
+    def forces(self, rate: float) -> Array:
+        """Largest magnitude of the force on x and y in the steady half of a run at this rate, N: (2,)."""
+        steady = self._recorded(rate)["control"].values
+        return np.asarray(abs(steady).max(axis=0) * self.scenario.plant.scales.force)
+
+    def angle_and_rate(self, rate: float) -> tuple[Array, Array]:
+        """Angle of the line of vibration, rad and unwrapped by half turns, and output, rad/s, in the steady half.
+
+        The run is so long that the line turns by a whole half turn in it, at most REST_STEPS.
+        """
+        run = self.scenario.run
+        wanted = math.ceil(2 * HALF_TURNS * math.pi / rate / (run.step * self.scenario.plant.scales.time))
+        steady = self._recorded(rate, min(max(wanted, run.steps), REST_STEPS))
+        angle = np.unwrap(steady["pattern_angle"].values, period=math.pi)
+        return angle, np.asarray(steady["rate_estimate"].values * self.scenario.plant.scales.rate)
+
+    def _recorded(self, rate: float, steps: int | None = None) -> xr.Dataset:
+        """The steady half of a run of the first seed."""
+        steps = steps or self.scenario.run.steps
+        changes: dict[str, object] = {"run.record_every": max(1, steps // RECORDED_SAMPLES)}
+        changes |= {"run.units": "nondimensional", "run.duration": steps * self.scenario.run.step}
+        scenario = self._at(rate, changes)
+        run = simulate_many([scenario], seeds=self.seeds[:1], controller=self.controller).isel(run=0)
+        return run.isel(time=slice(run.sizes["time"] // 2, None))
 
     def steps_at_rest(self, seconds: float | None) -> int:
         """Steps of a run whose second half has this device time.

@@ -1,0 +1,191 @@
+"""Figures that `fracgyro rate` adds for a device in volts: voltages, readout, shares of noise, bias by parts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..analysis.confidence import mean_interval
+from ..scenario import Scenario
+from ..scenario.volts_core import at_bias, drive, has_volts
+from .bound import bound_angle_random_walk
+from .results import Result
+from .runs import RANGE
+from .sensor import Sensor
+from .units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S
+
+ATTO = 1e18
+# Fields of [electronics] that make noise: each off, and the name of the noise.
+NOISES: dict[str, tuple[str, float]] = {
+    "voltage_noise": ("the amplifiers' voltage noise", 0.0),
+    "feedback_resistance": ("the feedback resistance", math.inf),
+    "current_noise": ("the amplifiers' current noise", 0.0),
+}
+AXES = ("x", "y")
+
+
+def volts_figures(sensor: Sensor) -> list[Result]:
+    """The figures that the scenario has the parts for; none without electrodes and electronics.
+
+    Runs one seed at rest and at 300 deg/s, and all at rest without feedthrough and without lags.
+    """
+    scenario = sensor.scenario
+    if not has_volts(scenario) or sensor.controller is not None:
+        return []
+    return [*_voltages(sensor), *_readout(scenario), *_noise(scenario), *_biases(sensor)]
+
+
+def _voltages(sensor: Sensor) -> list[Result]:
+    """Largest voltages of the drivers, at rest and at the end of the range."""
+    scenario = sensor.scenario
+    if not scenario.electrodes.of("force"):
+        return []
+    gain = at_bias(scenario).gain[[0, 2]]
+    most, _ = drive(scenario)
+    found = []
+    for key, words, rate in (("at_rest", "at rest", 0.0), ("at_range", "at 300 deg/s", RANGE)):
+        forces = sensor.forces(rate)
+        for i, axis in enumerate(AXES):
+            limit, volts = most[i] / float(gain[i]), float(forces[i]) / float(gain[i])
+            reached = ", which it reaches" if volts >= limit else ""
+            found.append(
+                Result(
+                    f"voltage_{key}_{axis}",
+                    f"Voltage of the driver of {axis}, {words}",
+                    "largest magnitude in the steady half of a run, force over the gain as designed",
+                    "V",
+                    min(volts, limit),
+                    note=f"its range is {limit:g} V{reached}" if math.isfinite(limit) else "",
+                )
+            )
+    return found
+
+
+def _readout(scenario: Scenario) -> list[Result]:
+    """Noise of the pick-offs in meters and in farads, and its shares."""
+    if not any(at_bias(scenario).noise):
+        return []
+    whole, slope, found = at_bias(scenario).noise, slopes(scenario), []
+    alone = {name: at_bias(only_noise(scenario, name)).noise for name in NOISES}
+    for i, axis in enumerate(AXES):
+        shares = [f"{100 * (alone[name][i] / whole[i]) ** 2:.3g} % by {words}" for name, (words, _) in NOISES.items()]
+        meters, farads = float(whole[i]), float(whole[i]) * slope[i]
+        named = f"readout_{axis}", f"Readout noise of {axis}"
+        note = "of its power " + ", ".join(shares)
+        found.append(
+            Result(f"{named[0]}_m", named[1], "one-sided density of the position", "m/sqrt(Hz)", meters, note=note)
+        )
+        definition = f"the same, times dC/d{axis} of {1e12 * slope[i] / 1e6:.4g} pF/um"
+        found.append(Result(f"{named[0]}_farad", named[1], definition, "aF/sqrt(Hz)", ATTO * farads))
+    return found
+
+
+def slopes(scenario: Scenario) -> tuple[float, float]:
+    """dC/dx and dC/dy of the pick-offs as designed, F/m: their charge for a volt on each."""
+    volt = [{**dict(one), "bias": 1.0} for one in scenario.electrodes.each if one.role == "pickoff"]
+    quiet = {"carrier_frequency": 0.0, "carrier_voltage": 0.0}
+    found = at_bias(scenario.replace({"electrodes": volt, "electronics": {"pole": scenario.electronics.pole, **quiet}}))
+    return float(found.charge[0]), float(found.charge[2])
+
+
+def only_noise(scenario: Scenario, name: str) -> Scenario:
+    """The scenario with this noise of its amplifiers, and no other of theirs."""
+    off = {f"electronics.{each}": value for each, (_, value) in NOISES.items() if each != name}
+    return scenario.replace(dict(off))
+
+
+def _noise(scenario: Scenario) -> list[Result]:
+    """The bound of the angle random walk with one noise at a time, D and K known."""
+    still = scenario.replace({"plant.angular_rate": 0.0})
+    silent = {f"electronics.{each}": value for each, (_, value) in NOISES.items()}
+    cases = {"thermal": ("the thermal force", still.replace(dict(silent)))}
+    quiet = still.replace({"disturbance": {"kind": "none"}})
+    cases |= {name: (words, only_noise(quiet, name)) for name, (words, _) in NOISES.items()}
+    whole, found = bound_angle_random_walk(still), []
+    if whole is None:
+        return []
+    for key, (words, each) in cases.items():
+        bound = bound_angle_random_walk(each)
+        if bound is None:
+            continue
+        share = 100 * (bound.known / whole.known) ** 2
+        found.append(
+            Result(
+                f"bound_{key}",
+                f"Bound of the angle random walk by {words}",
+                "Cramér-Rao bound with this noise only, damping and stiffness known; the powers need not add up",
+                DEG_PER_ROOT_H.name,
+                DEG_PER_ROOT_H.of(bound.known),
+                note=f"{share:.3g} % of the power of all noise",
+            )
+        )
+    return found
+
+
+def _biases(sensor: Sensor) -> list[Result]:
+    """Change of the output at rest that parts of the electronics cause: with them less without, on the same seeds."""
+    e = sensor.scenario.electronics
+    off: dict[str, Any] = {"pole": (math.inf, math.inf), "sample_delay": 0.0, "update_delay": 0.0, "aperture": 0.0}
+    lags = {name: value for name, value in off.items() if getattr(e, name) != value}
+    parts = (
+        ("feedthrough", "feedthrough", {"feedthrough": (0.0,) * 4} if any(e.feedthrough) else {}),
+        ("phase", "poles and delays, times the quadrature", lags),
+    )
+    whole, found = None, []
+    for key, words, without in parts:
+        if not without:
+            continue
+        if whole is None:
+            whole = sensor.output(0.0).settled().rate.mean(axis=1)
+        changes = {f"electronics.{name}": value for name, value in without.items()}
+        rest = sensor.output(0.0, changes=changes).settled().rate.mean(axis=1)
+        value, low, high = (DEG_PER_H.of(number) for number in mean_interval(np.asarray(whole - rest)))
+        made = Result(
+            f"bias_by_{key}",
+            f"Bias by {words}",
+            "zero-rate output less that without them",
+            DEG_PER_H.name,
+            value,
+            low,
+            high,
+        )
+        found.append(replace(made, note="not observed: its interval includes 0") if low <= 0.0 <= high else made)
+    return found
+
+
+def angle_figures(sensor: Sensor) -> list[Result]:
+    """Drift against the angle, and the angle gain, of a whole-angle gyroscope; none of other controllers.
+
+    The rate less its mean at 300 deg/s, fitted with cosine and sine of twice the angle of the line of vibration.
+    """
+    scenario = sensor.scenario
+    if scenario.controller.kind != "whole_angle" or sensor.controller is not None:
+        return []
+    angle, rate = sensor.angle_and_rate(RANGE)
+    columns = np.stack([np.ones_like(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
+    mean, cosine, sine = np.linalg.lstsq(columns, rate, rcond=None)[0]
+    turned = abs(float(angle[-1] - angle[0])) / math.pi
+    few = "" if turned >= 1.0 else f"the line turned by {turned:.2g} half turns only: parts of it are not separated"
+    drift = math.hypot(float(cosine), float(sine))
+    phase = 0.5 * math.degrees(math.atan2(-float(cosine), float(sine)))
+    return [
+        Result(
+            "angle_drift",
+            "Drift against the angle",
+            "amplitude p of −p sin 2(ϑ − ϑτ) in the rate at 300 deg/s, ϑ the angle of the line of vibration",
+            DEG_PER_H.name,
+            DEG_PER_H.of(drift),
+            note="; ".join(filter(None, (f"ϑτ = {phase:.4g} deg or 90 deg from it", few))),
+        ),
+        Result(
+            "rate_gain",
+            "Gain of the rate",
+            "mean rate over 300 deg/s, without that drift",
+            "1",
+            float(mean) / RANGE,
+            note=few or f"{DEG_PER_S.of(float(mean)):.6g} deg/s",
+        ),
+    ]

@@ -1,0 +1,206 @@
+"""`fracgyro datasheet` and the figures in volts of `fracgyro rate`: rows, files, and closed forms."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from fracgyro.cli import cli
+from fracgyro.rate import procedures
+from fracgyro.rate.datasheet import TITLES
+from fracgyro.rate.in_volts import angle_figures, slopes, volts_figures
+from fracgyro.rate.procedures import MISSING, Sheet
+from fracgyro.rate.runs import RATES
+from fracgyro.rate.sensor import Sensor
+from fracgyro.scenario.volts_core import plant_at_bias
+from test_volts import BOLTZMANN, CHARGE, DUAL, EPSILON, REBALANCE, both, combs
+
+ROOT = Path(__file__).resolve().parents[2]
+STILL = DUAL.replace({**REBALANCE, "run.duration": 3000.0, "run.record_every": 1})
+PLANT = STILL.plant
+OMEGA = math.sqrt(PLANT.stiffness.xx / PLANT.mass)
+SPLIT = math.sqrt(PLANT.stiffness.yy / PLANT.mass) - OMEGA
+COUPLED = 2 * PLANT.mass * PLANT.reference_frequency * math.radians(300.0)
+# Combs so far from each other that nothing bends.
+VOLTS = [*both(combs, "force", gap=1e-3, count=100_000), *both(combs, "pickoff", gap=1e-3, count=100_000)]
+SLOPE = 4 * 100_000 * EPSILON * 6e-5 / 1e-3  # F/m; the gain is 5 V times it
+QUADRATURE = {"plant.stiffness_deviation": {"xx": 0.0, "xy": COUPLED, "yy": 0.0}}
+
+
+def sensor(changes: dict[str, Any]) -> Sensor:
+    return Sensor.of(STILL.replace(changes), 2)
+
+
+def figure(changes: dict[str, Any], key: str) -> float:
+    return {each.key: each.value for each in volts_figures(sensor(changes))}[key]
+
+
+# -- Figures in volts --------------------------------------------------------------------------------------------------
+
+
+def test_feedthrough_is_read_as_a_rate_in_proportion_to_the_split() -> None:
+    """1 fF from the drive of x to the pick-off of y: -delta beta F_x/A, beta = C_f/(V_b C' G)."""
+    fields = {"electrodes": VOLTS, "electronics.feedthrough": (0.0, 0.0, 1e-15, 0.0)}
+    beta = 1e-15 / (5.0 * SLOPE * 5.0 * SLOPE)
+    force = PLANT.damping.xx * OMEGA * PLANT.reference_length
+    closed = -math.degrees(SPLIT * beta * force / PLANT.reference_length) * 3600
+    assert figure(fields, "bias_by_feedthrough") == pytest.approx(closed, rel=0.03)
+
+
+def test_a_pole_that_is_not_known_turns_quadrature_into_a_bias() -> None:
+    fields = {**QUADRATURE, "electronics.pole": 1e6, "datasheet.lag": 0.0}
+    closed = 300.0 * 3600 * math.sin(math.atan(OMEGA / math.tau / 1e6))
+    assert abs(figure(fields, "bias_by_phase")) == pytest.approx(closed, rel=0.03)
+
+
+def test_voltages_are_those_of_the_drive_and_of_the_rotation() -> None:
+    """Drive of x: d omega A over the gain; at 300 deg/s y is held by 2 m Omega omega A more."""
+    gain, length = 5.0 * SLOPE, PLANT.reference_length
+    found = {each.key: each.value for each in volts_figures(sensor({"electrodes": VOLTS}))}
+    assert found["voltage_at_rest_x"] == pytest.approx(PLANT.damping.xx * OMEGA * length / gain, rel=0.02)
+    turning = 2 * PLANT.mass * math.radians(300.0) * OMEGA * length / gain
+    assert found["voltage_at_range_y"] == pytest.approx(turning, rel=0.02)
+    assert found["voltage_at_rest_y"] < 0.01 * turning
+
+
+def test_the_readout_is_stated_in_meters_and_farads_with_its_shares() -> None:
+    made = STILL.replace({"electrodes": VOLTS, **CHARGE})
+    slope, capacitance = SLOPE, SLOPE * 2e-5
+    assert slopes(made) == pytest.approx((slope, slope), rel=1e-12)
+    found = {each.key: each for each in volts_figures(Sensor.of(made, 2))}
+    omega = math.sqrt(plant_at_bias(made).stiffness.xx / PLANT.mass)
+    parts = np.array([5e-9 * (capacitance + 4e-12), math.sqrt(4 * BOLTZMANN * 300 / 1e7) / omega]) / (5.0 * slope)
+    assert found["readout_x_m"].value == pytest.approx(math.hypot(*parts), rel=1e-9)
+    assert found["readout_x_farad"].value == pytest.approx(1e18 * slope * math.hypot(*parts), rel=1e-9)
+    shares = 100 * parts**2 / (parts**2).sum()
+    assert f"{shares[0]:.3g} % by the amplifiers' voltage noise, {shares[1]:.3g} % by" in found["readout_x_m"].note
+
+
+def test_the_bound_of_each_noise_is_below_that_of_all() -> None:
+    thermal = {"disturbance": {"kind": "noise", "density": 8.66e-16}}
+    made = STILL.replace({**thermal, "reference.kind": "sine", "electrodes": VOLTS, **CHARGE})
+    found = {each.key: each.value for each in volts_figures(Sensor.of(made, 2)) if each.key.startswith("bound")}
+    whole = fg.rate.bound_angle_random_walk(made)
+    assert whole is not None
+    all_of_them = math.degrees(whole.known) * 60
+    assert found.keys() == {"bound_thermal", "bound_voltage_noise", "bound_feedback_resistance"}
+    assert max(found.values()) < all_of_them
+    quiet = {"electronics.voltage_noise": 0.0, "electronics.feedback_resistance": math.inf}
+    alone = fg.rate.bound_angle_random_walk(made.replace(quiet))
+    assert alone is not None
+    assert found["bound_thermal"] == pytest.approx(math.degrees(alone.known) * 60)
+
+
+def test_a_device_without_volts_has_none_of_these() -> None:
+    assert volts_figures(sensor({})) == angle_figures(sensor({})) == []
+
+
+def test_whole_angle_states_its_drift_against_the_angle_and_its_gain() -> None:
+    """p = half the difference of the rates of decay, 162 deg/h; the quadrature loop takes 2 (split/bandwidth)²."""
+    made = fg.Scenario.load(ROOT / "examples/scenarios/disc_whole_angle.toml")
+    drift, gain = angle_figures(Sensor.of(made, 1))
+    assert drift.value == pytest.approx(162.0, rel=0.1)
+    assert gain.value == pytest.approx(1 - 200e-6, abs=2e-6)
+    assert "are not separated" not in drift.note
+
+
+# -- Procedures --------------------------------------------------------------------------------------------------------
+
+
+def test_polarity_and_asymmetry_of_known_outputs() -> None:
+    outputs = np.stack([np.where(RATES > 0, 1.01, 0.99) * RATES] * 3, axis=1)
+    assert procedures.polarity(outputs) == 1.0
+    assert procedures.polarity(-outputs) == -1.0
+    assert procedures.polarity(outputs * [1.0, -1.0, 1.0]) == 0.0
+    assert procedures.asymmetry(outputs) == pytest.approx([0.02] * 3)
+
+
+def rows(fill: Any, *arguments: Any) -> tuple[dict[str, procedures.Row], Sheet]:
+    sheet = Sheet()
+    fill(sheet, *arguments)
+    return {row.key: row for row in sheet.rows}, sheet
+
+
+def test_rates_about_x_and_y_are_a_quadrature_of_their_product_times_the_sine_of_the_lag() -> None:
+    """kxy = m Omega_x Omega_y, as a rate Omega_x Omega_y/(2 omega), of which a hidden phase lets its sine through."""
+    hidden = {"plant.centrifugal": True, "electronics.pole": 1e5, "datasheet.lag": 0.0, "run.duration": 6000.0}
+    found, sheet = rows(procedures.axes, sensor(hidden))
+    rate = math.radians(300.0)
+    closed = math.degrees(rate * rate / (2 * OMEGA)) * 3600 * math.sin(math.atan(OMEGA / math.tau / 1e5))
+    assert abs(found["rate_about_both"].value) == pytest.approx(closed, rel=0.05)
+    assert abs(found["rate_about_x"].value) < 0.05 * closed
+    assert len(sheet.points) == 3 * 2 * 2
+    assert rows(procedures.axes, sensor({}))[0]["rate_about_both"].note.startswith(MISSING)
+
+
+def test_a_bias_by_the_dampers_follows_their_temperature() -> None:
+    """dxy/2m, 1 deg/s, at 3,000 ppm/K: 10.8 deg/h/K."""
+    dampers = {"plant.damping_deviation": {"xx": 0.0, "xy": 2 * PLANT.mass * math.radians(1.0), "yy": 0.0}}
+    found, sheet = rows(procedures.temperature, sensor({**dampers, "device.damping_drift": 3000.0}))
+    assert abs(found["zero_rate_per_kelvin"].value) == pytest.approx(10.8, rel=0.01)
+    assert found["zero_rate_residual"].value < 1.0
+    assert {point.at for point in sheet.points} == {-40.0, -20.0, 0.0, 20.0, 40.0}
+    assert MISSING in found["temperature_hysteresis"].note
+    without, _ = rows(procedures.temperature, sensor(dampers))
+    assert all(math.isnan(row.value) and MISSING in row.note for row in without.values())
+
+
+@pytest.mark.parametrize("name", ["dual_mass", "tuned_in_air", "disc"])
+def test_the_undriven_vibration_runs_down_by_its_dampers(name: str) -> None:
+    scenario = fg.Scenario.shipped(name)
+    found, _ = rows(procedures.undriven, scenario)
+    assert found["run_down_time"].value == pytest.approx(2 * scenario.plant.mass / scenario.plant.damping.xx, rel=0.01)
+    if name == "disc":
+        assert found["angle_gain"].value == pytest.approx(1.0, abs=1e-5)
+    else:
+        assert MISSING in found["angle_gain"].note
+
+
+def test_a_power_cycle_starts_later_on_the_same_motion() -> None:
+    made = procedures.turned(fg.Scenario.shipped("dual_mass"), math.pi / 2)
+    assert made["run.initial_position"] == pytest.approx((1.0, 0.0), abs=1e-12)
+    assert made["run.initial_velocity"] == pytest.approx((0.0, -1.013503185), abs=1e-9)
+    assert made["reference.phase"] == pytest.approx((math.pi / 2, math.pi))
+    noisy = sensor({"disturbance": {"kind": "noise", "density": 1e-12}})
+    found, sheet = rows(procedures.power_cycles, noisy, 4)
+    values = [3600 * point.value for point in sheet.points]
+    assert found["repeatability"].value == pytest.approx(np.std(values, ddof=1))
+    assert found["repeatability"].low < found["repeatability"].value < found["repeatability"].high
+    assert len({point.at for point in sheet.points}) == 4
+
+
+# -- The datasheet -----------------------------------------------------------------------------------------------------
+
+
+def test_a_datasheet_has_every_clause_and_never_a_zero_for_what_is_missing(tmp_path: Path) -> None:
+    noisy = {"disturbance": {"kind": "noise", "density": 8.66e-16}, "device.position_noise_density": 1e-13}
+    STILL.replace(noisy).save(tmp_path / "device.toml")
+    words = ["datasheet", tmp_path / "device.toml", "--quick", "--rest", 0.3, "--out", tmp_path / "out", "--json"]
+    ran = CliRunner().invoke(cli, list(map(str, words)))
+    assert ran.exit_code == 0, ran.output
+    content = json.loads(ran.stdout)
+    assert content == json.loads((tmp_path / "out/datasheet.json").read_text(encoding="utf-8"))
+    found = content["rows"]
+    assert [row["clause"] for row in found] == sorted(
+        (row["clause"] for row in found), key=lambda clause: int(clause[3:])
+    )
+    assert {row["clause"] for row in found} == TITLES.keys()
+    missing = [row for row in found if MISSING in row["note"]]
+    assert {"warm_up", "g_sensitivity", "shock", "voltage", "readout", "angle_drift"} <= {row["key"] for row in missing}
+    assert all(row["value"] is None for row in missing)
+    measured = {row["key"]: row["value"] for row in found if row not in missing}
+    assert measured["polarity"] == 1.0
+    assert abs(measured["scale_factor_error"]) < 1e4
+    with open(tmp_path / "out/points.csv", encoding="utf-8", newline="") as file:
+        points = list(csv.DictReader(file))
+    assert sum(point["procedure"] == "constant rates" for point in points) == 2 * len(RATES)
+    assert sum(point["procedure"] == "power cycles" for point in points) == 6
+    html = (tmp_path / "out/datasheet.html").read_text(encoding="utf-8")
+    assert all(f'id="c{clause}"' in html for clause in TITLES)
