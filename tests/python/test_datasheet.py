@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from fracgyro.cli import cli
-from fracgyro.rate import procedures
+from fracgyro.rate import procedures, thermal
 from fracgyro.rate.datasheet import TITLES
 from fracgyro.rate.in_volts import angle_figures, slopes, volts_figures
 from fracgyro.rate.procedures import MISSING, Sheet
@@ -143,13 +143,35 @@ def test_rates_about_x_and_y_are_a_quadrature_of_their_product_times_the_sine_of
 def test_a_bias_by_the_dampers_follows_their_temperature() -> None:
     """dxy/2m, 1 deg/s, at 3,000 ppm/K: 10.8 deg/h/K."""
     dampers = {"plant.damping_deviation": {"xx": 0.0, "xy": 2 * PLANT.mass * math.radians(1.0), "yy": 0.0}}
-    found, sheet = rows(procedures.temperature, sensor({**dampers, "device.damping_drift": 3000.0}))
+    found, sheet = rows(thermal.temperature, sensor({**dampers, "device.damping_drift": 3000.0}))
     assert abs(found["zero_rate_per_kelvin"].value) == pytest.approx(10.8, rel=0.01)
     assert found["zero_rate_residual"].value < 1.0
     assert {point.at for point in sheet.points} == {-40.0, -20.0, 0.0, 20.0, 40.0}
     assert MISSING in found["temperature_hysteresis"].note
-    without, _ = rows(procedures.temperature, sensor(dampers))
-    assert all(math.isnan(row.value) and MISSING in row.note for row in without.values())
+    for fill in (thermal.temperature, thermal.warm_up):
+        without, _ = rows(fill, sensor(dampers))
+        assert all(math.isnan(row.value) and MISSING in row.note for row in without.values())
+
+
+def test_axes_of_the_damping_that_turn_give_bias_hysteresis_and_warm_up() -> None:
+    """Theta (dxx - dyy)/2m per kelvin; 2w of it by the backlash; a tenth is left after ln 10 time constants."""
+    d, per_kelvin = PLANT.damping, 2e-3
+    turning = {"device.damping_axis_drift": 1e6 * per_kelvin, "device.hysteresis": 1.5}
+    made = sensor({**turning, "device.warm_up_rise": 4.0, "device.warm_up_time": 30.0})
+    closed = abs(math.degrees(per_kelvin * (d.xx - d.yy) / (2 * PLANT.mass)) * 3600)  # deg/h/K
+    found, _ = rows(thermal.temperature, made)
+    assert abs(found["zero_rate_per_kelvin"].value) == pytest.approx(closed, rel=0.02)
+    assert abs(found["temperature_hysteresis"].value) == pytest.approx(3.0 * closed, rel=0.02)
+    warming, sheet = rows(thermal.warm_up, made)
+    assert abs(warming["warm_up_change"].value) == pytest.approx(4.0 * closed, rel=0.02)
+    assert warming["warm_up"].value == pytest.approx(30.0 * math.log(10.0), rel=0.02)
+    assert [point.at for point in sheet.points] == [0.0, 0.0, 2.0, 2.0, 4.0, 4.0]
+
+
+def test_the_warm_up_time_of_a_bias_that_is_not_linear_is_that_of_its_course() -> None:
+    """T²: what is left of the change, 1 - (1 - e)², is a tenth at e = 1 - sqrt(0.9)."""
+    found = thermal.warm_up_time(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 4.0]), 10.0)
+    assert found == pytest.approx(-10.0 * math.log(1 - math.sqrt(0.9)), rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["dual_mass", "tuned_in_air", "disc"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,11 +16,25 @@ from ..simulation.user_controller import ControllerLike, controller_words
 from . import plots
 from .in_volts import angle_figures, volts_figures
 from .measure import Characterization, measure
-from .procedures import MISSING, OF_RATE, Row, Sheet, absent, clauses, of_rates, steps
+from .procedures import (
+    CYCLES,
+    FEW_CYCLES,
+    MISSING,
+    OF_RATE,
+    Row,
+    Sheet,
+    absent,
+    axes,
+    clauses,
+    of_rates,
+    power_cycles,
+    undriven,
+)
 from .report import interval_of, value_of
 from .results import Result, results
 from .runs import Progress, run_all
 from .sensor import Sensor
+from .thermal import temperature, warm_up
 
 DRIFT, LIMITS = "12.11", "12.10"  # clauses of what a device in volts adds
 POINTS = ("clause", "procedure", "varied", "at", "run", "measured", "value")
@@ -51,10 +66,10 @@ def datasheet(
     """Measures `scenario` by the clauses of IEEE Std 1431; writes `out`/datasheet.html, datasheet.json and points.csv.
 
     Returns the rows in the order of the clauses: the figures of `fg.rate.characterise`; polarity and asymmetry; bias
-    and scale factor over the temperature; repeatability over power cycles; rates about x and y; angle storage and
-    run-down of the undriven vibration; for a device in volts its voltages, readout, noise shares and biases. A row
-    whose effect the scenario lacks has no value and the note "not in the scenario". points.csv has every point of
-    these procedures.
+    and scale factor over the temperature, hysteresis and warm-up; repeatability over power cycles; rates about x and y;
+    angle storage and run-down of the undriven vibration; for a device in volts its voltages, readout, noise shares and
+    biases. A row whose effect the scenario lacks has no value and the note "not in the scenario". points.csv has every
+    point of these procedures.
 
     `controller`: replaces the scenario's controller, as in `fracgyro.simulate`; it must report rate_estimate. `quick`:
     2 noise seeds instead of 8, and 6 power cycles instead of 16. `rest`: device time of the static test in s, as in
@@ -78,7 +93,7 @@ def datasheet(
         measured = measure(sensor, runs, rest=rest)
         sheet = Sheet()
         of_rates(sheet, runs)
-        own = list(steps(sheet, sensor, quick))
+        own = list(_steps(sheet, sensor, quick))
         for done, (doing, procedure) in enumerate(own):
             show(done, len(own) + 1, doing)
             procedure()
@@ -89,6 +104,16 @@ def datasheet(
         rows = clauses(sheet.rows)
         _write(folder, measured, rows, sheet)
     return rows
+
+
+def _steps(sheet: Sheet, sensor: Sensor, quick: bool) -> Iterator[tuple[str, Callable[[], object]]]:
+    """The procedures with runs of their own: their names, and themselves."""
+    few = sensor.first(2)
+    yield "temperature", lambda: temperature(sheet, few)
+    yield "warm-up", lambda: warm_up(sheet, few)
+    yield "power cycles", lambda: power_cycles(sheet, sensor, FEW_CYCLES if quick else CYCLES)
+    yield "axis alignment", lambda: axes(sheet, few)
+    yield "run-down", lambda: undriven(sheet, sensor.scenario)
 
 
 def _of_results(found: list[Result], sensor: Sensor) -> list[Row]:

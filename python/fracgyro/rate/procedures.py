@@ -6,7 +6,7 @@ A procedure whose effect the scenario lacks gives a row that says so, never a ze
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,8 +25,6 @@ from .units import DEG_PER_H, DEG_PER_S, PPM, Unit
 Array = NDArray[np.float64]
 
 MISSING = "not in the scenario"
-TEMPERATURES = np.array([-40.0, -20.0, 0.0, 20.0, 40.0])  # K
-ORDER = 3  # of the polynomial over the temperature
 CYCLES, FEW_CYCLES = 16, 6  # power cycles
 FREE_RATE = DEG_PER_S.to_si(100.0)  # at which an undriven pattern turns
 MAX_SPLIT = 0.25  # split over that rate, up to which the pattern turns
@@ -140,45 +138,6 @@ def asymmetry(outputs: Array) -> Array:
 
 
 # -- Runs of their own -------------------------------------------------------------------------------------------------
-
-
-def temperature(sheet: Sheet, sensor: Sensor) -> tuple[Array, Array, Array] | None:
-    """Clause 12.8: bias and scale factor at constant temperatures.
-
-    Returns temperatures in K, zero-rate outputs in rad/s and scale factors, (temperatures, runs); None where the
-    scenario has no effect of the temperature.
-    """
-    names = (
-        ("zero_rate_per_kelvin", "Zero-rate output over temperature", "deg/h/K"),
-        ("zero_rate_residual", "… left of it by a polynomial of third order", "deg/h"),
-        ("scale_per_kelvin", "Scale factor over temperature", "ppm/K"),
-    )
-    varied = f"temperature, {TEMPERATURES[0]:g} to {TEMPERATURES[-1]:g} K from nominal; rates 0 and 300 deg/s"
-    device = sensor.scenario.device
-    sheet.missing("12.8", "temperature_hysteresis", "Hysteresis of bias and scale factor", varied, "deg/h")
-    if not (device.stiffness_coefficient or device.damping_drift):
-        why = "device.stiffness_drift, device.frequency_temperature_coefficient and device.damping_drift are 0"
-        for key, name, unit in names:
-            sheet.missing("12.8", key, name, varied, unit, why)
-        return None
-    bias, scale = [], []
-    for kelvin in TEMPERATURES:
-        warm = {"device.temperature_ramp": 0.0, "device.temperature_points": ((0.0, float(kelvin)),)}
-        still, turning = (mean_of(sensor.output(rate, changes=dict(warm))) for rate in (0.0, RANGE))
-        sheet.outputs("12.8", "temperature, at rest", "temperature (K)", float(kelvin), still)
-        sheet.outputs("12.8", "temperature, at 300 deg/s", "temperature (K)", float(kelvin), turning)
-        bias.append(still)
-        scale.append((turning - still) / RANGE)
-    offsets, factors = np.array(bias), np.array(scale)
-    slopes = np.polyfit(TEMPERATURES, offsets, 1)[0]
-    sheet.mean("12.8", *names[0][:2], varied, replace(DEG_PER_H, name="deg/h/K"), mean_interval(slopes))
-    fitted = np.polyfit(TEMPERATURES, offsets.mean(axis=1), ORDER)
-    left = offsets.mean(axis=1) - np.polyval(fitted, TEMPERATURES)
-    largest = float(abs(left).max())
-    sheet.rows.append(Row("12.8", *names[1][:2], varied, "deg/h", DEG_PER_H.of(largest)))
-    slopes = np.polyfit(TEMPERATURES, factors, 1)[0]
-    sheet.mean("12.8", *names[2][:2], varied, replace(PPM, name="ppm/K"), mean_interval(slopes))
-    return TEMPERATURES, offsets, factors
 
 
 def power_cycles(sheet: Sheet, sensor: Sensor, cycles: int) -> None:
@@ -322,7 +281,6 @@ def run_down_time(time: Array, energy: Array) -> float:
 
 # Clauses whose effects no scenario can have yet: clause, key, name, what is to be varied, unit.
 ABSENT: Sequence[tuple[str, str, str, str, str]] = (
-    ("12.6", "warm_up", "Warm-up time", "power of the die: time until bias and scale factor are within limits", "s"),
     ("12.11", "g_sensitivity", "Bias by acceleration", "±1 g along each axis", "deg/h/g"),
     ("12.11", "g_squared", "Bias by acceleration, second order", "±1 g along each axis", "deg/h/g²"),
     ("12.17", "sine_vibration", "Rectification of a sinusoidal vibration", "frequency, at 1 g", "deg/h/g²"),
@@ -332,18 +290,9 @@ ABSENT: Sequence[tuple[str, str, str, str, str]] = (
 
 
 def absent(sheet: Sheet) -> None:
-    """Rows of clauses 12.6, 12.11 and 12.17 that need an environment."""
+    """Rows of clauses 12.11 and 12.17, about accelerations: a scenario does not state their share on the modes."""
     for clause, key, name, varied, unit in ABSENT:
         sheet.missing(clause, key, name, varied, unit)
-
-
-def steps(sheet: Sheet, sensor: Sensor, quick: bool) -> Iterator[tuple[str, Callable[[], object]]]:
-    """The procedures with runs of their own: what is being measured, and the procedure."""
-    few = sensor.first(2)
-    yield "temperature", lambda: temperature(sheet, few)
-    yield "power cycles", lambda: power_cycles(sheet, sensor, FEW_CYCLES if quick else CYCLES)
-    yield "axis alignment", lambda: axes(sheet, few)
-    yield "run-down", lambda: undriven(sheet, sensor.scenario)
 
 
 def clauses(rows: Sequence[Row]) -> list[Row]:
