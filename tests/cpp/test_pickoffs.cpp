@@ -1,4 +1,4 @@
-// Known pick-offs: the correction of what is measured, and a controller behind it.
+// Known pick-offs: the correction of measurements, and a controller behind it.
 #include "follow.hpp"
 #include "scalars.hpp"
 

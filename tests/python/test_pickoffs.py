@@ -1,4 +1,4 @@
-"""Known pick-offs: what is measured is brought back to the axes of the plant before any controller."""
+"""Known pick-offs: measurements are brought back to the axes of the plant before any controller."""
 
 from __future__ import annotations
 

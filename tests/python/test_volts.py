@@ -89,7 +89,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kind", {"electrodes": [combs("quadrature", 0.0)]}, 'electrodes[0].kind is "comb": it must be skewed'),
     ("nulling", {"electrodes": [plates("tuning", 0.0, nulling=1.0)]}, "electrodes[0].nulling is 1.0: it must be 0.0"),
     ("bits", {"electrodes": both(combs, "force", bits=12)}, "electrodes[0].bits is 12 and electrodes[0].range is inf"),
-    ("bias", {"electrodes": both(combs, "force", bias=0.0)}, "electrodes[0].bias is 0.0: it must not be"),
+    ("bias", {"electrodes": both(combs, "force", bias=0.0)}, "electrodes[0].bias is 0.0: it must be other than 0"),
     ("axes", {"electrodes": [combs("force", 0.0)]}, "electrodes of role force have one direction"),
     ("field", {"electrodes": [{"gab": 1e-6}]}, "electrodes[0].gab is not a known field; did you mean"),
     ("number", {"electrodes": [{"gap": -1e-6}]}, "electrodes[0].gap is -1e-06: it must be greater than 0"),

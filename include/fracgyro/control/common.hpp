@@ -67,7 +67,7 @@ struct Common {
     double observer_bandwidth = 0.0;  // bandwidth of the observer (hardware/observer.hpp); 0: the velocity is measured
     FilterParams filter{};
     TriggerParams trigger{};
-    AxesParams pickoffs{};  // as known, by which measurements are corrected (hardware/pickoffs.hpp)
+    AxesParams pickoffs{};  // known errors, by which measurements are corrected (hardware/pickoffs.hpp)
 
     static constexpr auto fields() {
         using C = Common;

@@ -28,7 +28,7 @@ public:
     virtual void start_over(bool keep_estimates) = 0;
     virtual std::uint64_t steps() const = 0;
     virtual bool needs_velocity() const { return true; }
-    // True if a filter between the sensors and the controller would be of use (motion_filter.hpp).
+    // True if a filter between the sensors and the controller would be useful (motion_filter.hpp).
     virtual bool takes_filter() const { return true; }
     // Sets other parameters, of the same type, from the coming step on.
     virtual void set(const ControllerParams& params, const Common& common) = 0;
@@ -307,7 +307,7 @@ struct Erased {
 };
 
 // Calls visit.template operator()<C>() with the type that represents this controller: behind an observer if the device
-// senses no velocity and the controller needs it, and behind the correction of what is measured.
+// senses no velocity and the controller needs it, and behind the correction of measurements.
 template <Scalar T, class Visit>
 void with_erased(const AnyController<T>& controller, const Common& common, Visit&& visit) {
     if (!controller.needs_velocity()) {
