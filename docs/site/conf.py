@@ -20,6 +20,7 @@ project_copyright = author
 version = release = version_of("fracgyro")
 
 extensions = [
+    "compact",
     "mathml",
     "myst_parser",
     "sphinx.ext.autodoc",
@@ -87,10 +88,18 @@ def with_examples(app: Sphinx, context: click.Context, lines: list[str]) -> None
     lines += [".. code-block:: sh", "", *(f"   {each}" for each in shown), ""] if shown else []
 
 
+def without_filler(app: Sphinx, what: str, name: str, found: object, options: object, lines: list[str]) -> None:
+    """Removes Python's own words for a field of a named tuple."""
+    if lines and lines[0].startswith("Alias for field number"):
+        lines.clear()
+
+
 def setup(app: Sphinx) -> None:
+    app.connect("autodoc-process-docstring", without_filler)
     app.connect("sphinx-click-process-description", with_examples)
 
 
+templates_path = [str(HERE / "templates")]
 html_theme = "furo"
 html_title = f"fracgyro {version}"
 html_static_path = [str(HERE / "static")]
@@ -101,5 +110,6 @@ html_favicon = str(HERE / "static" / "favicon.svg")
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False
+html_use_index = html_domain_indices = False  # the search answers
 copybutton_prompt_text = r">>> |\.\.\. "
 copybutton_prompt_is_regexp = True

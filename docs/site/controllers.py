@@ -17,7 +17,7 @@ import numpy as np
 from comments import address, comment_of
 from formulas import latex
 from fracgyro.scenario.kinds import KINDS, MEANINGS, numbers, reports
-from fracgyro.scenario.reference import FIELDS, fields_of_kind, rows_of
+from fracgyro.scenario.reference import fields_of_kind, rows_of
 from fracgyro.scenario.table import toml_value
 from fracgyro_lab.comparison import rate_contenders, track_contenders
 from picture import SETUPS, closed_loop, pictures
@@ -43,13 +43,13 @@ CLAUSES = re.compile(rf"(?:{RANGE})(?:, (?:{RANGE}))*: ", re.IGNORECASE)
 
 
 def parameters(kind: str) -> Iterator[tuple[str, ...]]:
-    """Rows: symbol, and what docs/reference.md has. Units and ranges, which have columns, are left out of meanings."""
+    """Rows of docs/reference.md in four columns, which fit a telephone; symbols as formulas."""
     for name, unit, limits, default, meaning in fields_of_kind(kind):
         symbol = SYMBOL.match(meaning)
         rest = meaning[symbol.end() :].removeprefix(",").lstrip(" :") if symbol else meaning
         rest = CLAUSES.sub("", rest, count=1) if CLAUSES.match(rest) else rest
-        unit = unit if unit == "–" else _formula(unit)
-        yield _formula(symbol[1]) if symbol else "", name, unit, limits, default, _greek(rest)
+        allowed = limits if unit == "–" else f"{limits}, in {_formula(unit)}"
+        yield name, allowed, default, (f"{_formula(symbol[1])}: " if symbol else "") + _greek(rest)
 
 
 def _formula(text: str) -> str:
@@ -168,7 +168,7 @@ def page(kind: str) -> tuple[str, dict[str, str]]:
     lines += ["## The law", "", *(line for each in comment.law for line in (each, "")), comment.source, ""]
     lines += ["Numbers in parentheses are the paper's; [equations](../understand/equations.md) has all with their"]
     lines += [f"symbols. The code is in [`{header.name}`]({address(header)}).", "", "## Parameters", ""]
-    lines += rows_of(("symbol", *FIELDS), parameters(kind))
+    lines += rows_of(("field", "range and unit", "default", "meaning"), parameters(kind))
     lines += ["The [reference](../reference/scenario.md) has the fields that all controllers share.", ""]
     lines += ["## What it measures and costs", "", *properties(kind)]
     return "\n".join(lines), drawn

@@ -85,9 +85,12 @@ def _repeat(panel: Axes) -> None:
     names = _ran("3-repeat", 2)
     orders = [each.controller.order for each in names["scenarios"]]
     errors = names["rows"]["rmse"].sel(window="steady", axis="x").values.reshape(len(orders), -1)
+    panel.semilogy(orders, errors.mean(axis=1), color=GREY, linewidth=1.0, label="mean")
     for order, values in zip(orders, errors, strict=True):
-        panel.semilogy([order] * len(values), values, "o", color=COLORS[0], alpha=0.4, markersize=4)
+        places = order + 0.02 * (np.arange(len(values)) / len(values) - 0.5)  # next to each other
+        panel.plot(places, values, "o", color=COLORS[0], alpha=0.4, markersize=4, label="" if order < 1 else "a seed")
     panel.set(xlabel="order of the derivative", ylabel="steady error of x (µm)", xticks=orders)
+    panel.margins(0.1)
 
 
 def _control(panel: Axes) -> None:

@@ -11,6 +11,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -111,21 +112,26 @@ class Gathered:
         self.written: set[Path] = set()
 
     def write(self) -> None:
-        for name, path in self.pages.items():
-            folder, _, page = name.rpartition("/")
-            text = "\n".join(self.linked(path.read_text(encoding="utf-8"), path, name))
-            text = text.replace(controllers.MARK, controllers.overview())
-            for picture in set(illustrations.MARK.findall(text)):
-                self.put(f"pictures/site-{picture}.svg", illustrations.drawn(picture))
-            text = illustrations.MARK.sub(lambda found: illustrations.markdown(found[1]), text)
-            if folder in LISTED:
-                text = "\n".join([text, "", *self.listed(folder)]) if page == "index" else f"{ORPHAN}{text}"
-            self.put(f"{name}.md", text)
-        for kind in KINDS:
-            text, pictures = controllers.page(kind)
-            self.put(f"controllers/{kind}.md", f"{ORPHAN}{text}")
-            for file, drawn in pictures.items():
-                self.put(f"pictures/{file}", drawn)
+        with ProcessPoolExecutor() as pool:  # drawing takes most of the time
+            of_kinds = pool.map(controllers.page, KINDS)
+            texts = {path: path.read_text(encoding="utf-8") for path in self.pages.values()}
+            shown = sorted({name for text in texts.values() for name in illustrations.MARK.findall(text)})
+            drawings = pool.map(illustrations.drawn, shown)
+            for name, path in self.pages.items():
+                folder, _, page = name.rpartition("/")
+                text = "\n".join(self.linked(texts[path], path, name))
+                if controllers.MARK in text:
+                    text = text.replace(controllers.MARK, controllers.overview())
+                text = illustrations.MARK.sub(lambda found: illustrations.markdown(found[1]), text)
+                if folder in LISTED:
+                    text = "\n".join([text, "", *self.listed(folder)]) if page == "index" else f"{ORPHAN}{text}"
+                self.put(f"{name}.md", text)
+            for kind, (text, pictures) in zip(KINDS, of_kinds, strict=True):
+                self.put(f"controllers/{kind}.md", f"{ORPHAN}{text}")
+                for file, drawn in pictures.items():
+                    self.put(f"pictures/{file}", drawn)
+            for name, drawn in zip(shown, drawings, strict=True):
+                self.put(f"pictures/site-{name}.svg", drawn)
         made = coefficients_header(Scenario.shipped("hardware"), "float")
         self.put("reference/c.md", c_reference(ROOT / "integrations/firmware/fracgyro.h", made))
         types = (ROOT / "integrations/web/fracgyro.d.ts").read_text(encoding="utf-8")

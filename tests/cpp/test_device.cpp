@@ -236,6 +236,55 @@ TEST(VaryingGyroscope, DampersThatHaveDriftedAreThoseDampers) {
     }
 }
 
+// Entries that drift with temperature, by one kelvin.
+TEST(VaryingGyroscope, EntriesThatHaveDriftedAreThoseEntries) {
+    const ThermalParams thermal{
+        .spring = {0.02, -0.03}, .damper = {0.4, -0.3}, .quadrature = 0.01, .damping_axis = 0.05};
+    for (const bool inertial : {false, true}) {
+        GyroscopeParams p = gyroscope(), warm = p;
+        const Sym2<double> k = p.stiffness + p.stiffness_deviation, d = p.damping + p.damping_deviation;
+        warm.stiffness = {1.02 * k.xx(), k.xy() + 0.01 * std::sqrt(k.xx() * k.yy()), 0.97 * k.yy()};
+        warm.stiffness_deviation = {};
+        // To first order the axes turn by the angle.
+        const double c = 1.0, s = 0.05;
+        warm.damping = {1.4 * d.xx() - 2.0 * c * s * d.xy(), d.xy() + s * (d.xx() - d.yy()),
+                        0.7 * d.yy() + 2.0 * c * s * d.xy()};
+        warm.damping_deviation = {};
+        const auto drifting = VaryingGyroscope::prepare({p, {}, inertial, thermal}, 1e-3);
+        const auto wanted_c = VaryingGyroscope::prepare({warm, {}, inertial}, 1e-3);
+        Motion<double> got = Gyroscope<double>::start(p), wanted = got;
+        for (int n = 0; n < 1000; ++n) {
+            const Variation now{.rate = 0.5}, kelvin{.rate = 0.5, .warmer = 1.0};
+            VaryingGyroscope::step(got, drifting, {}, {}, {0.5, {{kelvin, kelvin, kelvin}}});
+            VaryingGyroscope::step(wanted, wanted_c, {}, {}, {0.5, {{now, now, now}}});
+        }
+        EXPECT_LT(distance(got, wanted), 1e-8);
+    }
+}
+
+TEST(ThermalParams, ASmallTurnOfTheDampingKeepsItsEigenvalues) {
+    const Sym2<double> d{3.0, 0.5, 1.0};
+    const auto turned_by = [&](double angle) { return d + damping_per_kelvin({.damping_axis = angle}, d); };
+    const Sym2<double> found = turned_by(1e-6);
+    EXPECT_NEAR(found.xx() + found.yy(), 4.0, 1e-15);
+    EXPECT_NEAR(found.xx() * found.yy() - found.xy() * found.xy(), 2.75, 1e-11);
+    const auto axis = [](const Sym2<double>& a) { return 0.5 * std::atan2(2.0 * a.xy(), a.xx() - a.yy()); };
+    EXPECT_NEAR(axis(found) - axis(d), 1e-6, 1e-11);
+}
+
+TEST(Imperfections, GainsDriftWithTheTemperatureOfTheSample) {
+    ImperfectionParams p;
+    p.thermal = {.pickoff_gain = {0.01, -0.02}, .force_gain = {0.1, 0.2}};
+    p.temperature = {.times = {0.0, 10.0}, .values = {0.0, 5.0}};
+    const auto c = Imperfections::prepare(p);
+    Imperfections::State state{};
+    DeviceNoise noise(p, 0, 1e-3);
+    const auto seen = Imperfections::sense(state, c, {{1.0, 2.0}, {3.0, 4.0}}, noise(4));
+    expect_near(seen.position, {1.02, 2.0 * 0.96}, 1e-15);
+    expect_near(seen.velocity, {3.0 * 1.02, 4.0 * 0.96}, 1e-15);
+    expect_near(Imperfections::actuate(state, c, {1.0, 1.0}, 4), {1.2, 1.4}, 1e-15);
+}
+
 TEST(VaryingGyroscope, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
     // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once
     // 0.5 more after one unit of time.

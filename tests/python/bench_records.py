@@ -104,6 +104,24 @@ class Device:
         motion = scale * (motion + noise * np.random.default_rng(seed).normal(size=motion.shape))
         return fg.identify.Record(*motion, interval=self.interval(per_period), name=f"record {seed}", **state)
 
+    def forced(
+        self, samples: int, per_period: float, drive: Array, through: Array, noise: float, seed: int = 0
+    ) -> fg.identify.Record:
+        """A record from rest under a held random force, which acts one sample late; `noise`: over the amplitude."""
+        generator = np.random.default_rng(seed)
+        force = generator.normal(size=(2, samples))
+        late = np.concatenate([np.zeros((2, 1)), force[:, :-1]], axis=1)
+        stiffness, damping = self.seen
+        matrix = np.zeros((6, 6))
+        matrix[:2, 2:4], matrix[2:4, :2], matrix[2:4, 2:4], matrix[2:4, 4:] = np.eye(2), -stiffness, -damping, drive
+        step = expm(2 * np.pi / per_period * matrix)
+        values, vectors = np.linalg.eig(step[:4, :4])
+        kicks = np.linalg.solve(vectors, step[:4, 4:] @ late)
+        modes = [lfilter([0.0, 1.0], [1.0, -value], row) for value, row in zip(values, kicks, strict=True)]
+        motion = np.real(vectors[:2] @ np.stack(modes)) + through @ late
+        motion = motion + noise * np.abs(motion).max() * generator.normal(size=motion.shape)
+        return fg.identify.Record(*motion, interval=self.interval(per_period), force=force)
+
     def response(self, frequency: Array, drive: Array, through: Array, delay: float) -> NDArray[np.complex128]:
         """The response to two drives over frequency, Hz; `delay` in units of 1/omega."""
         stiffness, damping = self.seen

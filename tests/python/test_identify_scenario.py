@@ -238,8 +238,9 @@ def test_the_correction_undoes_the_pick_offs() -> None:
 def test_the_controller_of_the_scenario_knows_the_pick_offs(axes: Any, found: fg.identify.Found) -> None:
     scenario = found.scenario(axes)
     x, y = scenario.datasheet.pickoff_gain_error
-    assert (x, y) == scenario.device.pickoff_gain_error
-    assert (x, y) == (0.0, pytest.approx(found["pickoff_ratio"].value - 1, abs=1e-5))
+    assert (
+        (x, y) == scenario.device.pickoff_gain_error == (0.0, pytest.approx(found["pickoff_ratio"].value - 1, abs=1e-5))
+    )
     assert scenario.datasheet.pickoff_misalignment == scenario.device.pickoff_misalignment
     assert (scenario.datasheet.pickoff_misalignment != 0.0) == (axes == "principal")
     assert "multiply what is measured" not in found.to_toml(axes)

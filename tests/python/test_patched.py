@@ -231,7 +231,12 @@ def test_the_first_error_of_a_replacement_is_worded_as_that_of_a_file() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_saved_scenario_is_read_a_line_at_a_time_as_tomllib_reads_it(name: str) -> None:
     text = fg.Scenario.shipped(name).to_toml()
-    assert repr(_plain_tables(text)) == repr(tomllib.loads(text))
+    found = _plain_tables(text)
+    if "\n[[" in text:  # a list of tables is left to tomllib
+        assert found is None
+        assert fg.Scenario.from_toml(text) == fg.Scenario.shipped(name)
+    else:
+        assert repr(found) == repr(tomllib.loads(text))
 
 
 MARKS = ["a", "b", "xx", " = ", "=", "[", "]", "{", "}", '"', "\\", "#", "\n", "inf", "-", "+", "_", "1", "0", ".", "e"]

@@ -25,6 +25,7 @@ from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.schema import Plant
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
+from fracgyro.scenario.volts_core import has_volts, plant_at_bias
 from test_cli import run, sentence
 
 DEG = math.pi / 180
@@ -35,7 +36,10 @@ DEG = math.pi / 180
 DEVICES = [name for name in SHIPPED if name != "hardware"]  # which is the paper's, its rate and noise too
 
 
-@pytest.mark.parametrize("name", DEVICES)
+IN_VOLTS = [name for name in DEVICES if has_volts(fg.Scenario.shipped(name))]
+
+
+@pytest.mark.parametrize("name", [name for name in DEVICES if name not in IN_VOLTS])
 def test_a_shipped_scenario_tracks_and_senses_its_rate(name: str) -> None:
     scenario = fg.Scenario.shipped(name)
     assert scenario.plant.angular_rate == pytest.approx(300 * DEG, rel=1e-6)
@@ -45,6 +49,29 @@ def test_a_shipped_scenario_tracks_and_senses_its_rate(name: str) -> None:
         assert float(abs(steady["error"]).max()) < 2e-4
         assert float(abs(steady["control"]).max()) < 0.9 * scenario.controller.force_limit
         sensed = float(steady["rate_estimate"].mean()) * scenario.plant.reference_frequency
+        assert sensed == pytest.approx(rate, abs=0.02 * 300 * DEG)
+
+
+@pytest.mark.parametrize("name", IN_VOLTS)
+def test_a_shipped_device_in_volts_senses_its_rate_and_follows_but_for_the_lag_of_its_amplifiers(name: str) -> None:
+    """Its tracking error is that lag, and what its plates bend: 3/4 of X² of their amplitude X over the gap."""
+    scenario = fg.Scenario.shipped(name)
+    bent, e = [0.0, 0.0], scenario.electronics
+    for one in scenario.electrodes.each:
+        if one.kind == "plate" and one.role in ("force", "pickoff"):
+            axis = int(one.axis[1])
+            share = scenario.reference.amplitude[axis] * scenario.plant.reference_length / one.gap
+            bent[axis] = max(bent[axis], share**2 * scenario.reference.amplitude[axis])
+    omega = scenario.plant.reference_frequency
+    late = math.atan(omega / math.tau / e.pole[0]) - math.atan(1 / (omega * e.feedback_resistance * 2e-12))
+    for rate in (0.0, 300 * DEG):
+        steady = fg.simulate(scenario.replace({"plant.angular_rate": rate, "run.record_every": 10}))
+        steady = steady.isel(time=slice(steady.sizes["time"] // 2, None))
+        error = abs(steady["error"]).max("time").values
+        assert error[0] == pytest.approx(late, abs=bent[0] + 1e-4)
+        assert (error < 1.1 * late + np.array(bent)).all()
+        assert float(abs(steady["control"]).max()) < 0.9 * scenario.controller.force_limit
+        sensed = float(steady["rate_estimate"].mean()) * omega
         assert sensed == pytest.approx(rate, abs=0.02 * 300 * DEG)
 
 
@@ -59,13 +86,13 @@ def test_the_noise_of_a_shipped_scenario_is_thermal_at_300_kelvin(name: str) -> 
 
 
 def natural_frequencies(name: str) -> list[float]:
-    """Hz"""
-    plant = fg.Scenario.shipped(name).plant
+    """Hz, at bias."""
+    plant = plant_at_bias(fg.Scenario.shipped(name))
     return [math.sqrt(k / plant.mass) / (2 * math.pi) for k in (plant.stiffness.xx, plant.stiffness.yy)]
 
 
 def quality_factors(name: str) -> list[float]:
-    plant = fg.Scenario.shipped(name).plant
+    plant = plant_at_bias(fg.Scenario.shipped(name))
     (kx, _, ky), (cx, _, cy) = plant.stiffness.entries(), plant.damping.entries()
     return [math.sqrt(k * plant.mass) / c for k, c in ((kx, cx), (ky, cy))]
 
@@ -78,6 +105,10 @@ def test_the_devices_have_the_published_frequencies_and_quality_factors() -> Non
     assert quality_factors("tuned_in_air") == pytest.approx([120, 10], rel=1e-4)
     assert natural_frequencies("disc") == pytest.approx([10e3, 10e3], rel=1e-6)
     assert quality_factors("disc") == pytest.approx([2e6, 2e6], rel=1e-4)
+    assert natural_frequencies("dual_mass_volts") == pytest.approx([3925.29, 3978.45], rel=1e-8)
+    assert quality_factors("dual_mass_volts") == pytest.approx([4673, 449], rel=1e-4)
+    assert natural_frequencies("tuned_in_air_volts") == pytest.approx([3216, 3251], rel=1e-8)
+    assert natural_frequencies("baw_disc") == pytest.approx([976e3, 976000.4], rel=1e-8)
 
 
 def test_the_papers_gyroscope_at_resonance_is_the_papers_in_its_principal_axes() -> None:

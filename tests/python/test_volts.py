@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import fracgyro as fg
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from fracgyro.cli import cli
 from fracgyro.export.fmu import fmu
 from fracgyro.export.settings import without_plant
 from fracgyro.scenario import ScenarioError
@@ -348,3 +351,51 @@ def test_a_controller_is_exported_for_the_stiffness_at_bias() -> None:
 def test_a_loop_in_another_target_refuses_volts(tmp_path: Any) -> None:
     with pytest.raises(ScenarioError, match="electrodes is given: a loop in this target has no volts"):
         fmu(in_volts(), tmp_path / "loop.fmu", content="loop", unbounded=True)
+
+
+# -- fracgyro scenario FILE --at-bias ----------------------------------------------------------------------------------
+
+
+def printed_at_bias(name: str) -> dict[str, list[float]]:
+    """Numbers of each row of the command, by its name."""
+    found = CliRunner().invoke(cli, ["scenario", name, "--at-bias"])
+    assert found.exit_code == 0, found.output
+    rows = (re.split(r"\s{2,}", line.strip(), maxsplit=1) for line in found.stdout.splitlines()[1:])
+    numbers = re.compile(r"-?\d[\d.]*(?:e[+-]?\d+)?")
+    return {row: [float(each) for each in numbers.findall(values)] for row, values in rows}
+
+
+def test_at_bias_prints_the_closed_forms_of_the_dual_mass_device() -> None:
+    """Each number from the published dimensions, DEVICE.md's table of electrodes written out again."""
+    found, omega = printed_at_bias("dual_mass_volts"), (math.tau * 3925.29, math.tau * 3978.45)
+    drive = 4 * 404700 * EPSILON * 6e-5 * 5.0 / 1e-3  # N/V, of combs: 4 N eps t V/g
+    push = 2 * 58 * EPSILON * 1.078481e-8 * 5.0 / 4e-6**2  # of pairs of plates: 2 N eps a V/g^2
+    comb, plate = 2 * 67667 * EPSILON * 6e-5 / 1e-3, 100 * EPSILON * 1.0571e-8 / 4e-6  # F/m, F: of one side
+    charges = [2 * comb * 5.0, 2 * plate / 4e-6 * 5.0]
+    assert found["frequencies x, y"] == pytest.approx([3925.29, 3978.45], rel=1e-8)
+    assert found["charge of the pick-offs"] == pytest.approx(charges, rel=1e-5)
+    assert found["capacitance"] == pytest.approx([2 * comb * 2e-5, 2 * plate], rel=1e-5)
+    assert found["force per volt"] == pytest.approx([drive, push], rel=1e-5)
+    assert found["full scale"] == pytest.approx([10 * drive, 10 * push], rel=1e-5)
+    assert found["one step of the converters"] == pytest.approx([20 * drive / 2**16, 20 * push / 2**16], rel=1e-5)
+    noise = [
+        math.hypot(1e-8 * (capacitance + 22e-12), math.sqrt(4 * BOLTZMANN * 300 / 1e10) / w) / charge
+        for capacitance, charge, w in zip(found["capacitance"], charges, omega, strict=True)
+    ]
+    assert found["noise of the position"] == pytest.approx(noise, rel=1e-5)
+
+
+def test_at_bias_prints_the_published_pull_in_and_the_softening() -> None:
+    found = printed_at_bias("dual_mass_volts")
+    pickoff, force = 2 * EPSILON * 100 * 1.0571e-8 * 25, 2 * EPSILON * 58 * 1.078481e-8 * 25
+    combs = 4 * EPSILON * 30 * 6e-5 * 1e-5 / 5e-6**3 * (1 + 2.5**-3) * (5.0**2 + 5.0**2)  # four groups at V_0 +- v
+    walls = 4 * EPSILON * (404700 + 67667) * 6e-5 * 2e-5 * 25 / 1e-3**3  # of the combs of x, across their fingers
+    assert found["softening xx, yy"][1] == pytest.approx((pickoff + force) / 4e-6**3 + combs + walls, rel=1e-5)
+    # sqrt(k g^3/(2 eps A)), with k_yy at bias: 44.5232 V.
+    volts = math.sqrt(1.42e-6 * (math.tau * 3978.45) ** 2 * 4e-6**3 / (2 * EPSILON * 150 * 1.078481e-8))
+    assert found["pull-in of electrodes[4]"] == pytest.approx([volts, 0.0], rel=1e-5)
+
+
+def test_a_scenario_without_electrodes_has_no_bias() -> None:
+    found = CliRunner().invoke(cli, ["scenario", "dual_mass", "--at-bias"], standalone_mode=False)
+    assert "electrodes are missing: a scenario without them has no bias" in str(found.exception)

@@ -1,3 +1,8 @@
+// Long names in tables break after a dot or an underscore.
+for (const each of document.querySelectorAll("td code .pre, th code .pre")) {
+  const parts = each.textContent.split(/(?<=[._])(?=\w)/);
+  each.replaceChildren(...parts.flatMap((part) => [part, document.createElement("wbr")]).slice(0, -1));
+}
 // Make scrolling elements scrollable with a keyboard, too.
 for (const each of document.querySelectorAll(".table-wrapper, .highlight pre")) {
   if (each.scrollWidth > each.clientWidth) {

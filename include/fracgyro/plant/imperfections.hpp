@@ -38,6 +38,23 @@ private:
     }
 };
 
+// Changes per kelvin, in addition to the common ones of springs and dampers.
+struct ThermalParams {
+    Vec2<double> spring{}, damper{};            // of k_xx and k_yy, d_xx and d_yy, as fractions
+    double quadrature = 0.0;                    // of k_xy, over the root of k_xx k_yy
+    double damping_axis = 0.0;                  // rad, from x towards y
+    Vec2<double> pickoff_gain{}, force_gain{};  // as fractions
+
+    bool moves_plant() const {
+        const Vec2<double> sizes = absolute(spring) + absolute(damper);
+        return sizes.x() + sizes.y() + absolute(quadrature) + absolute(damping_axis) > 0.0;
+    }
+    bool moves_gains() const {
+        const Vec2<double> sizes = absolute(pickoff_gain) + absolute(force_gain);
+        return sizes.x() + sizes.y() > 0.0;
+    }
+};
+
 struct ImperfectionParams {
     double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, per sample and axis
     double position_flicker = 0.0, velocity_flicker = 0.0;  // A of flicker.hpp
@@ -52,7 +69,8 @@ struct ImperfectionParams {
     double damping_drift = 0.0;      // D grows by this fraction per kelvin
     double bias_instability = 0.0;   // rate: A of flicker.hpp, the B of IEEE Std 952
     double rate_walk_step = 0.0;     // standard deviation of its steps
-    Profile temperature{};           // its change, K
+    ThermalParams thermal{};
+    Profile temperature{};  // its change, K
 
     // Fields, without the temperature.
     static constexpr auto fields() {
@@ -102,6 +120,18 @@ struct ImperfectionParams {
             fixed(field("damping_drift", &P::damping_drift, "1/K", any_number,
                         "of D and Delta D, by the same. A quality factor that goes as T^-g is 1e6 g/300 ppm/K at "
                         "300 K: 1700 to 10000 for g from 0.5 to 3. 0.0: off.")),
+            fixed(field("spring_drift", Within{&P::thermal, &ThermalParams::spring}, "1/K", any_number,
+                        "[x, y]: further drift of the entries xx and yy of K + Delta K. Zeros: off.")),
+            fixed(field("quadrature_drift", Within{&P::thermal, &ThermalParams::quadrature}, "1/K", any_number,
+                        "Drift of its entry xy, over the root of xx times yy. 0.0: off.")),
+            fixed(field("damper_drift", Within{&P::thermal, &ThermalParams::damper}, "1/K", any_number,
+                        "[x, y]: further drift of the entries xx and yy of D + Delta D. Zeros: off.")),
+            fixed(field("damping_axis_drift", Within{&P::thermal, &ThermalParams::damping_axis}, "1/K", any_number,
+                        "turns the axes of the damping, from x towards y; by small angles. 0.0: off.")),
+            fixed(field("pickoff_gain_drift", Within{&P::thermal, &ThermalParams::pickoff_gain}, "1/K", any_number,
+                        "[x, y]: drift of the gains of the pick-offs, after pickoff_gain_error. Zeros: off.")),
+            fixed(field("force_gain_drift", Within{&P::thermal, &ThermalParams::force_gain}, "1/K", any_number,
+                        "[x, y]: drift of the gains of the actuators, before force_gain_error. Zeros: off.")),
             fixed(field("bias_instability", &P::bias_instability, "omega0", at_least_0,
                         "B of IEEE Std 952; 1 deg/h is 4.848e-6 rad/s. Error torques that act as flicker noise of the "
                         "rate would, but are not part of the true rate; their Allan deviation is 0.664 B. 0.0: off.")),
@@ -120,13 +150,14 @@ struct ImperfectionParams {
 struct DeviceDraw {
     Motion<double> noise{}, flicker{};
     Vec2<double> rate{};  // for its flicker, for its walk
+    double warmer = 0.0;  // K, where gains drift with temperature
 };
 
 struct Imperfections {
     static constexpr std::size_t longest_delay = 1000;  // steps
     struct Coefficients {
         ImperfectionParams device{};
-        bool sensed_as_is = true, acts_as_is = true, flickers = false, rate_wanders = false;
+        bool sensed_as_is = true, acts_as_is = true, flickers = false, rate_wanders = false, warms = false;
         AxesMap<double> pickoff{}, force{};
     };
     // The white noise is separate: it is a function of seed and sample, without memory.
@@ -144,6 +175,7 @@ struct Imperfections {
                 .acts_as_is = !p.force.on(),
                 .flickers = p.flickers(),
                 .rate_wanders = p.rate_wanders(),
+                .warms = p.thermal.moves_gains(),
                 .pickoff = onto(p.pickoff),
                 .force = along(p.force)};
     }
@@ -153,6 +185,10 @@ struct Imperfections {
         const ImperfectionParams& d = c.device;
         if (!c.sensed_as_is) {
             motion = {.position = c.pickoff(motion.position), .velocity = c.pickoff(motion.velocity)};
+        }
+        if (c.warms) {
+            const Vec2<double> gain = grown(d.thermal.pickoff_gain, drawn.warmer);
+            motion = {.position = gain * motion.position, .velocity = gain * motion.velocity};
         }
         if (c.rate_wanders) {
             state.walk += d.rate_walk_step * drawn.rate.y();
@@ -173,7 +209,7 @@ struct Imperfections {
     // The force that acts over the step from sample n on, for the force requested there; called once per step. Zero at
     // first.
     static Vec2<double> actuate(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
-        return give(c, late(state, c, asked, n));
+        return give(c, late(state, c, asked, n), n);
     }
     // Its two parts: the force that is due, and what the actuator makes of it.
     static Vec2<double> late(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
@@ -182,9 +218,17 @@ struct Imperfections {
         }
         return asked;
     }
-    static Vec2<double> give(const Coefficients& c, const Vec2<double>& asked) {
-        const Vec2<double> given = c.device.actuator()(asked);
+    static Vec2<double> give(const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
+        Vec2<double> given = c.device.actuator()(asked);
+        if (c.warms) {
+            given = grown(c.device.thermal.force_gain, c.device.temperature.at(n)) * given;
+        }
         return c.acts_as_is ? given : c.force(given);
+    }
+
+private:
+    static Vec2<double> grown(const Vec2<double>& per_kelvin, double warmer) {
+        return Vec2<double>{1.0, 1.0} + warmer * per_kelvin;
     }
 };
 
@@ -197,6 +241,7 @@ public:
           position_flicker_(noise(p.position_flicker > 0.0 ? 1.0 : 0.0, seed, 4), step),
           velocity_flicker_(noise(p.velocity_flicker > 0.0 ? 1.0 : 0.0, seed, 5), step),
           rate_(noise(p.rate_wanders() ? 1.0 : 0.0, seed, 6), step),
+          temperature_(p.thermal.moves_gains() ? p.temperature : Profile{}),
           colored_(p.flickers() || p.rate_wanders()) {}
 
     DeviceDraw operator()(std::int64_t n) {
@@ -205,6 +250,7 @@ public:
             drawn.flicker = {.position = position_flicker_(n), .velocity = velocity_flicker_(n)};
             drawn.rate = rate_(n);
         }
+        drawn.warmer = temperature_.at(n);
         return drawn;
     }
 
@@ -217,6 +263,7 @@ private:
     }
 
     Disturbance position_, velocity_, position_flicker_, velocity_flicker_, rate_;
+    Profile temperature_;
     bool colored_;
 };
 

@@ -1,6 +1,8 @@
 // 6  The gyroscope with a dynamic rate, drifting springs and dampers, or nonlinear springs:
 //
-//        q̈ + ((1 + η(t)) (D + ΔD) + 2Ω(t)) q̇ + (1 + ε(t)) (K + ΔK) q + κ q³ = u + d,       κ q³ = [κx x³, κy y³]
+//        q̈ + ((1 + η(t)) (D + ΔD) + T(t) D' + 2Ω(t)) q̇ + ((1 + ε(t)) (K + ΔK) + T(t) K') q + κ q³ = u + d
+//
+//    κ q³ = [κx x³, κy y³]; T is the change of temperature, K' and D' that of the matrices per kelvin.
 //
 //    With x = [q, q̇] and the A of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step uses Lawson's
 //    method of fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
@@ -14,6 +16,7 @@
 #pragma once
 
 #include "fracgyro/plant/gyroscope.hpp"
+#include "fracgyro/plant/imperfections.hpp"
 
 namespace fracgyro {
 
@@ -21,17 +24,30 @@ struct VaryingPlantParams {
     GyroscopeParams plant{};  // at the mean rate
     Vec2<double> cubic_stiffness{};
     bool inertial = false;
+    ThermalParams thermal{};
 };
 
-// Deviations from the mean at one instant: Ωz - mean, ε and η.
+// Deviations from the mean at one instant: Ωz - mean, ε and η; T, where K' or D' is not zero.
 struct Variation {
-    double rate = 0.0, stiffness = 0.0, damping = 0.0;
+    double rate = 0.0, stiffness = 0.0, damping = 0.0, warmer = 0.0;
 };
+
+// K'
+inline Sym2<double> stiffness_per_kelvin(const ThermalParams& p, const Sym2<double>& k) {
+    return {p.spring.x() * k.xx(), p.quadrature * square_root(absolute(k.xx() * k.yy())), p.spring.y() * k.yy()};
+}
+// D': R(θ) D R(-θ) for small θ is D + θ (J D - D J).
+inline Sym2<double> damping_per_kelvin(const ThermalParams& p, const Sym2<double>& d) {
+    const double turn = p.damping_axis;
+    return {p.damper.x() * d.xx() - 2.0 * turn * d.xy(), turn * (d.xx() - d.yy()),
+            p.damper.y() * d.yy() + 2.0 * turn * d.xy()};
+}
 
 struct VaryingGyroscope {
     struct Coefficients {
         Gyroscope<double>::Coefficients half{};  // half a step
         Sym2<double> damping{}, stiffness{};
+        Sym2<double> damping_per_kelvin{}, stiffness_per_kelvin{};
         Vec2<double> cubic{};
         double step = 0.0;
         bool inertial = false;
@@ -44,9 +60,13 @@ struct VaryingGyroscope {
     };
 
     static Coefficients prepare(const VaryingPlantParams& p, double step) {
+        const Sym2<double> damping = p.plant.damping + p.plant.damping_deviation;
+        const Sym2<double> stiffness = p.plant.stiffness + p.plant.stiffness_deviation;
         return {.half = Gyroscope<double>::prepare(p.plant, 0.5 * step),
-                .damping = p.plant.damping + p.plant.damping_deviation,
-                .stiffness = p.plant.stiffness + p.plant.stiffness_deviation,
+                .damping = damping,
+                .stiffness = stiffness,
+                .damping_per_kelvin = fracgyro::damping_per_kelvin(p.thermal, damping),
+                .stiffness_per_kelvin = fracgyro::stiffness_per_kelvin(p.thermal, stiffness),
                 .cubic = p.cubic_stiffness,
                 .step = step,
                 .inertial = p.inertial};
@@ -100,6 +120,10 @@ private:
         if (now.damping != 0.0) {
             const Vec2<double> velocity = c.inertial ? x.velocity - now.rate * turned(q) : x.velocity;
             force = force - now.damping * (c.damping * velocity);
+        }
+        if (now.warmer != 0.0) {
+            const Vec2<double> velocity = c.inertial ? x.velocity - now.rate * turned(q) : x.velocity;
+            force = force - now.warmer * (c.stiffness_per_kelvin * q + c.damping_per_kelvin * velocity);
         }
         if (c.inertial) {
             return {.position = -(now.rate * turned(q)),

@@ -117,10 +117,14 @@ inline Metrics measure_any(const PlantSetup& setup, AnyController<double>& contr
         sums.segment = {};
         bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
         at_end.plant.rate = at.rate;
-        at_end.plant.stiffness =
-            setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
-        at_end.plant.damping =
-            setup.plant.damping + at.damping_drift * (setup.plant.damping + setup.plant.damping_deviation);
+        const Sym2<double> stiffness = setup.plant.stiffness + setup.plant.stiffness_deviation;
+        const Sym2<double> damping = setup.plant.damping + setup.plant.damping_deviation;
+        at_end.plant.stiffness = setup.plant.stiffness + at.stiffness_drift * stiffness;
+        at_end.plant.damping = setup.plant.damping + at.damping_drift * damping;
+        if (const ThermalParams& thermal = setup.device.thermal; thermal.moves_plant()) {
+            at_end.plant.stiffness = at_end.plant.stiffness + at.warmer * stiffness_per_kelvin(thermal, stiffness);
+            at_end.plant.damping = at_end.plant.damping + at.warmer * damping_per_kelvin(thermal, damping);
+        }
     };
     std::int64_t samples = 0;
     const ErasedSetup erased = erased_setup(setup, controller);

@@ -24,7 +24,7 @@ template <class Params>
 bool plant_drifts(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return s.rate.kind != AngularRateKind::constant || d.rate_wanders() || d.stiffness_drift != 0.0 ||
-           d.damping_drift != 0.0;
+           d.damping_drift != 0.0 || d.thermal.moves_plant();
 }
 template <class Params>
 bool plant_varies(const DeviceSetupOf<Params>& s) {
@@ -37,8 +37,8 @@ bool is_ideal(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
            !d.position.on() && !d.velocity.on() && !d.actuator().on() && !d.pickoff.on() && !d.force.on() &&
-           d.delay == 0 && !s.volts.present && s.common.observer_bandwidth == 0.0 && !s.common.filter.on() &&
-           !s.common.trigger.on() && !s.common.pickoffs.on();
+           !d.thermal.moves_gains() && d.delay == 0 && !s.volts.present && s.common.observer_bandwidth == 0.0 &&
+           !s.common.filter.on() && !s.common.trigger.on() && !s.common.pickoffs.on();
 }
 
 // A Snapshot of such a run; position, velocity and error are the true ones, `signals.force` is the requested force.
@@ -48,6 +48,7 @@ struct DeviceSnapshot : Snapshot<double, Report> {
     double rate_bias;                // additional effective Ωz due to errors of the device, over the step from here on
     double stiffness_drift;          // relative growth of K
     double damping_drift;            // relative growth of D
+    double warmer;                   // change of temperature, K
     const Motion<double>& measured;  // the motion as seen by the controller
     const Vec2<double>& applied;     // the force that acts
 };
@@ -57,7 +58,7 @@ struct DeviceGyroscope {
     struct Coefficients {
         Gyroscope<double>::Coefficients plant{};
         VaryingGyroscope::Coefficients varying{};
-        bool varies = false, drifts = false;
+        bool varies = false, drifts = false, warms = false;
         double mean_rate = 0.0;
         AngularRate rate{{}, 0.0, 1.0, 0};
         Imperfections::Coefficients device{};
@@ -70,7 +71,8 @@ struct DeviceGyroscope {
             const double by = warmer(n, halves);
             return {.rate = rate.within(n, halves) - mean_rate + bias,
                     .stiffness = device.device.stiffness_drift * by,
-                    .damping = device.device.damping_drift * by};
+                    .damping = device.device.damping_drift * by,
+                    .warmer = warms ? by : 0.0};
         }
     };
     struct Drawn {
@@ -111,9 +113,11 @@ struct DeviceGyroscope {
     static Coefficients prepare(const DeviceSetupOf<Params>& s) {
         const double step = s.common.step;
         return {.plant = Gyroscope<double>::prepare(s.plant, step),
-                .varying = VaryingGyroscope::prepare({s.plant, s.device.cubic_stiffness, s.rate.inertial}, step),
+                .varying = VaryingGyroscope::prepare(
+                    {s.plant, s.device.cubic_stiffness, s.rate.inertial, s.device.thermal}, step),
                 .varies = plant_varies(s),
                 .drifts = plant_drifts(s),
+                .warms = s.device.thermal.moves_plant(),
                 .mean_rate = s.plant.rate,
                 .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
                 .device = Imperfections::prepare(s.device),
@@ -153,7 +157,7 @@ struct DeviceGyroscope {
         const Vec2<double> late = Imperfections::late(state.device, c.device, asked, n);
         state.volts.code = Volts::meant(c.volts, asked, state.measured.position);
         const Vec2<double> given = Volts::drive(state.volts, c.volts, late, state.measured.position);
-        state.applied = Imperfections::give(c.device, given);
+        state.applied = Imperfections::give(c.device, given, n);
     }
     // The force to which the converter rounded the last request, for controllers that receive it; otherwise nullptr.
     static const Vec2<double>* code(const State& state, const Coefficients& c) {
@@ -182,6 +186,7 @@ struct DeviceGyroscope {
                 state.device.bias,
                 c.device.device.stiffness_drift * warmer,
                 c.device.device.damping_drift * warmer,
+                warmer,
                 state.measured,
                 state.applied};
     }

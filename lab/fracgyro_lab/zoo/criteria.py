@@ -23,7 +23,7 @@ from .printed import Curves
 
 SMALLER = 0.9  # a ratio of errors below which an improvement counts
 SAME_TIME = 1.2  # a ratio of times below which they count as equal
-FEW_SENT, SAME_ERROR = 0.5, 1.05  # of an event trigger that saves: share of forces sent, ratio of errors
+FEW_SENT, SAME_ERROR = 0.5, 1.05  # an event trigger saves: share of forces sent, ratio of errors
 STEADY = 1.1  # growth of a norm that counts as none
 LATE = 5.0  # the published RMS errors are those after this time
 Judgings = Mapping[str, Mapping[str, Any]]

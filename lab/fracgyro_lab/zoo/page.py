@@ -113,7 +113,7 @@ def _numbers(law: Mapping[str, Any]) -> list[str]:
 
 
 def _growth(norms: Sequence[float] | None) -> str:
-    """The norm of what is learned at the end over that at half of the run."""
+    """Growth of the norm over the second half of the run."""
     if norms is None or 0.0 in norms[1:2]:
         return "–"
     return f"{norms[2] / norms[1]:.3g}" if norms else "lost"
@@ -172,7 +172,7 @@ def _value(law: Mapping[str, Any]) -> float | None:
 
 
 def triple(found: Sequence[float | None] | None) -> str:
-    """A ratio with its interval; None is an open end."""
+    """A ratio with its interval, whose end is open for None."""
     if found is None:
         return "–"
     value, low, high = ("–" if each is None else format(each, ".2f") for each in found)

@@ -15,6 +15,7 @@ from scipy.linalg import expm
 
 from .. import _core
 from ..scenario import Scenario, ScenarioError
+from ..scenario.device import GAIN_DRIFTS, MATRIX_DRIFTS
 from ..scenario.device_core import device_values, sensor_variance
 from ..scenario.disturbance import named_entries
 from ..scenario.linear import LINEAR, continuous
@@ -155,7 +156,7 @@ def _check(scenario: Scenario) -> None:
     if scenario.rate.kind != "constant":
         raise _refused("rate.kind", scenario.rate.kind, "constant", "a stationary plant")
     varying = ("cubic_stiffness", "stiffness_drift", "frequency_temperature_coefficient", "damping_drift")
-    for field in (*varying, "bias_instability", "rate_random_walk"):
+    for field in (*varying, *MATRIX_DRIFTS, *GAIN_DRIFTS, "bias_instability", "rate_random_walk"):
         if np.any(value := getattr(device, field)):
             reason = "a linear plant" if field == "cubic_stiffness" else "a stationary plant"
             raise _refused(f"device.{field}", value, toml_value(type(device).model_fields[field].default), reason)

@@ -177,7 +177,7 @@ def damping_error(run: xr.Dataset) -> xr.DataArray:
     """
     truth = of_each(run, lambda s: _true_matrices(s)[0], "entry") * scale(run, "m*omega0")
     if "damping_drift" in run:
-        truth = truth * (1.0 + run["damping_drift"])
+        truth = truth * (1.0 + run["damping_drift"]) + _by_entries(run, 0) * scale(run, "m*omega0")
     return _relative(run["damping_estimate"], truth)
 
 
@@ -189,7 +189,7 @@ def stiffness_error(run: xr.Dataset) -> xr.DataArray:
     """
     truth = of_each(run, lambda s: _true_matrices(s)[1], "entry") * scale(run, "m*omega0^2")
     if "stiffness_drift" in run:
-        truth = truth * (1.0 + run["stiffness_drift"])
+        truth = truth * (1.0 + run["stiffness_drift"]) + _by_entries(run, 1) * scale(run, "m*omega0^2")
     return _relative(run["stiffness_estimate"], truth)
 
 
@@ -370,6 +370,18 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
     weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")
     off = (weights * (estimate - truth) ** 2).sum("entry", skipna=False)
     return (off / (weights * truth**2).sum("entry")) ** 0.5
+
+
+def _by_entries(run: xr.Dataset, of: int) -> xr.DataArray:
+    """What the temperature adds to D (0) or K (1) at each time beyond their common growth, nondimensional."""
+
+    def warmer(scenario: Scenario) -> NDArray[np.float64]:
+        scale = 1.0 if run.attrs["units"] == "SI" else scenario.plant.scales.time
+        end = scenario.run.duration * scenario.plant.scales.time
+        return np.interp(scale * run["time"].values, *np.transpose(scenario.device.temperature(end)))
+
+    drift = of_each(run, lambda s: s.device.drifts(*_true_matrices(s))[of], "entry")
+    return drift * of_each(run, warmer, "time") if drift.any() else xr.DataArray(0.0)
 
 
 def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:

@@ -118,7 +118,7 @@ def _followed(
         segments = [delayed(each, delay) for each in segments]
     total = only_white(noise)
     whole: list[Spectrum] | None = None
-    for _ in range(BANDS):
+    for i in range(BANDS):
         modes = poles(shape, parameters) * unit
         # A record that is much longer than its decay is cut: its end has only noise.
         slowest = LONGEST / max(float(np.min(-modes.real)), 1e-12 * unit)
@@ -128,11 +128,12 @@ def _followed(
         longest = max(each.length for each in segments)
         new = band(modes, longest, min(1 / each.interval for each in segments))
         spectra = [_wide_enough(each, *new) for each in whole]
-        fit = maximize(shape, spectra, unit, parameters, total)
-        parameters, total = fit.parameters, fit.thermal
         same = abs(new[0] - low) < 0.05 * (new[1] - new[0]) and abs(new[1] - high) < 0.05 * (new[1] - new[0])
         low, high = new
-        if same:
+        last = same or i == BANDS - 1
+        fit = maximize(shape, spectra, unit, parameters, total, rough=not last)
+        parameters, total = fit.parameters, fit.thermal
+        if last:
             break
     found = None
     if shape.drives:

@@ -217,15 +217,17 @@ def _least(one: Spectrum) -> float:
     return max(least, float(np.finfo(float).tiny))
 
 
-def maximize(shape: Shape, spectra: Sequence[Spectrum], unit: float, start: Array, noise: Noise) -> Fit:
-    """The fit from this start; `noise` is a first value of the noise."""
+def maximize(
+    shape: Shape, spectra: Sequence[Spectrum], unit: float, start: Array, noise: Noise, *, rough: bool = False
+) -> Fit:
+    """The fit from this start; `noise` is a first value of the noise. `rough`: thermal motion is not looked for."""
     parameters, steps = start, 0
     rows = 2 * shape.axes * sum(len(each.frequency) for each in spectra)
     whiten = weights(noise, thermal_spectra(shape, spectra, unit, parameters) if noise.is_thermal else None)
     for i in range(WEIGHTINGS):
         found = search(shape, spectra, unit, parameters, whiten)
         parameters, steps = found.parameters, steps + found.steps
-        new = _new_noise(shape, spectra, unit, found, noise, whiten, rows)
+        new = _new_noise(shape, spectra, unit, found, noise, whiten, rows, rough)
         same = np.allclose(new.white, noise.white, rtol=SAME_NOISE)
         same &= np.allclose(new.thermal, noise.thermal, rtol=SAME_THERMAL)
         if i == WEIGHTINGS - 1 or same:
@@ -254,15 +256,16 @@ def _new_noise(
     noise: Noise,
     whiten: Sequence[Complex],
     rows: int,
+    rough: bool,
 ) -> Noise:
-    """The noise that these residuals show."""
+    """The noise that these residuals show; `rough`: without new thermal motion."""
     evaluation = found.evaluation
     least = np.array([_least(one) for one in spectra])
     if not noise.is_thermal:
         free = rows - sum(map(len, evaluation.linear)) - shape.count
         power = [np.mean(np.abs(part) ** 2, axis=0) / 2 * (rows / free) for part in evaluation.parts]
         noise = only_white(np.maximum(noise.white * np.sqrt(np.array(power)), least[:, None]))
-    if (noise.white <= 2 * least[:, None]).any():  # rounding has any spectrum
+    if rough or (noise.white <= 2 * least[:, None]).any():  # rounding has any spectrum
         return noise
     shapes = thermal_spectra(shape, spectra, unit, found.parameters)
     try:

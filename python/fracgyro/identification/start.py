@@ -19,6 +19,7 @@ from .spectra import Spectrum
 Array = NDArray[np.float64]
 
 PASSES = 12
+SAME = 1e-4  # of the damping: a change that ends the passes
 
 
 def stacked(values: NDArray[Any]) -> Array:
@@ -42,7 +43,10 @@ def linear_start(shape: Shape, spectra: Sequence[Spectrum], unit: float) -> Arra
     ).ravel()
     guess[shape.axes**2 : 2 * shape.axes**2] = 1e-3 * np.eye(shape.axes).ravel()
     for _ in range(PASSES):
-        guess = stable(shape, _one_pass(shape, spectra, unit, guess))
+        last, guess = guess, stable(shape, _one_pass(shape, spectra, unit, guess))
+        # Further passes change it by far less than the fit, which begins there.
+        if np.abs(guess - last).max() < SAME * np.abs(guess[shape.axes**2 : 2 * shape.axes**2]).max():
+            break
     return guess
 
 

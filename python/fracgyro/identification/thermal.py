@@ -201,6 +201,8 @@ def _searched(parts: Sequence[_Part], start: Array, free: NDArray[np.bool_]) -> 
         improved = False
         for _ in range(12):
             trial = np.maximum(values + step, np.where(start > 0, 0.05 * values, 0.0))
+            if np.allclose(trial, values, rtol=SAME, atol=SAME**2):
+                break
             found, new_score, new_information = _likelihood(parts, trial)
             if found > best:
                 improved = True
@@ -208,10 +210,7 @@ def _searched(parts: Sequence[_Part], start: Array, free: NDArray[np.bool_]) -> 
             step = step / 4
         if not improved:
             break
-        done = bool(np.allclose(trial, values, rtol=SAME, atol=SAME**2))
         values, best, score, information = trial, found, new_score, new_information
-        if done:
-            break
     return values, best, score, information
 
 

@@ -6,8 +6,10 @@ import math
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ValidationError, create_model
 
+from .device import GAIN_DRIFTS, MATRIX_DRIFTS
 from .disturbance import named_entries
 from .kinds import OF_FILTER, SINE_DRIVES, TWO_SINE_DRIVES, fields_of_its_kind, filtered_types, kinds_with, numbers
 from .messages import scenario_error
@@ -177,6 +179,34 @@ def _check_drift(scenario: Any) -> None:
                     f"device.{field} is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
                     f"{factor:g}, which must be greater than 0 and finite"
                 )
+        _check_warm(scenario, change)
+
+
+def _check_warm(scenario: Any, change: float) -> None:
+    """Matrices and gains that drift by entries stay possible."""
+    device, plant = scenario.device, scenario.plant
+    if not any(np.any(getattr(device, name)) for name in (*MATRIX_DRIFTS, *GAIN_DRIFTS)):
+        return
+    damping, stiffness = (
+        np.add(own.entries(), more.entries())
+        for own, more in ((plant.damping, plant.damping_deviation), (plant.stiffness, plant.stiffness_deviation))
+    )
+    growth = 1e-6 * change * np.array([device.damping_drift, device.stiffness_coefficient])
+    warm = zip((damping, stiffness), growth, device.drifts(damping, stiffness), strict=True)
+    for names, (matrix, common, more) in zip((MATRIX_DRIFTS[2:], MATRIX_DRIFTS[:2]), warm, strict=True):
+        xx, xy, yy = (1 + common) * matrix + change * more
+        least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
+        name = max(names, key=lambda each: np.abs(getattr(device, each)).max())
+        if more.any() and not least >= 0:
+            raise message_error(
+                f"device.{name} is {toml_value(getattr(device, name))}: over {change:g} K it makes "
+                f"{'damping' if name in MATRIX_DRIFTS[2:] else 'stiffness'} negative, with an eigenvalue of {least:.4g}"
+            )
+    for name in GAIN_DRIFTS:
+        if not min(1 + 1e-6 * change * np.array(getattr(device, name))) > 0:
+            raise message_error(
+                f"device.{name} is {toml_value(getattr(device, name))}: over {change:g} K a gain would be 0 or less"
+            )
 
 
 def _check_estimates(scenario: Any) -> None:

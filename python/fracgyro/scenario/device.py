@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import create_model, model_validator
 
 from .kinds import si_table_fields
 from .points import OptionalPoints, Points
 from .table import NonNegative, Table, field, message_error, of_other_kinds, toml_value
+
+Array = NDArray[np.float64]
+# Drifts with the temperature, in ppm/K, in addition to the common ones of stiffness and damping.
+MATRIX_DRIFTS = ("spring_drift", "quadrature_drift", "damper_drift", "damping_axis_drift")
+GAIN_DRIFTS = ("pickoff_gain_drift", "force_gain_drift")
 
 if TYPE_CHECKING:
 
@@ -135,9 +142,27 @@ class Device(_Device):
         "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends.",
         unit="s, K",
     )
+    warm_up_rise: float = field(
+        0.0,
+        "K: the device also warms by this much after power on, at t = 0; approached exponentially. 0.0: off.",
+        unit="K",
+    )
+    warm_up_time: float | None = field(
+        None, "s: time constant of the warm-up. Not set: off, without warm_up_rise.", gt=0, unit="s"
+    )
+    hysteresis: NonNegative = field(
+        0.0,
+        "K: what drifts with temperature follows it only beyond this much of backlash, to either side. 0.0: off.",
+        unit="K",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        if (self.warm_up_rise != 0.0) != (self.warm_up_time is not None):
+            raise message_error(
+                f"device.warm_up_rise is {toml_value(self.warm_up_rise)} and device.warm_up_time is "
+                f"{'missing' if self.warm_up_time is None else toml_value(self.warm_up_time)}: a warm-up needs both"
+            )
         for quantity, limit in {"position": "range", "velocity": "range", "actuator": "limit"}.items():
             bits, span = getattr(self, f"{quantity}_bits"), getattr(self, f"{quantity}_{limit}")
             if bits and not np.isfinite(span).all():
@@ -176,8 +201,43 @@ class Device(_Device):
         """Relative change of the stiffness, ppm/K, as either of its two fields states it."""
         return float(self.stiffness_drift or 2 * self.frequency_temperature_coefficient)
 
+    def drifts(self, damping: Array, stiffness: Array) -> tuple[Array, Array]:
+        """Changes of D and K per kelvin, of which these are the entries [xx, xy, yy], beyond the common growth."""
+        (kx, ky), (dx, dy), turn = self.spring_drift, self.damper_drift, self.damping_axis_drift
+        (d_xx, d_xy, d_yy), (k_xx, _, k_yy) = damping, stiffness
+        of_damping = [dx * d_xx - 2 * turn * d_xy, turn * (d_xx - d_yy), dy * d_yy + 2 * turn * d_xy]
+        of_stiffness = [kx * k_xx, self.quadrature_drift * np.sqrt(abs(k_xx * k_yy)), ky * k_yy]
+        return 1e-6 * np.array(of_damping), 1e-6 * np.array(of_stiffness)
+
     def temperature(self, end: float) -> Points:
-        """Change of temperature, K, at times in s; `end`: that of the run."""
-        if self.temperature_points is not None:
-            return self.temperature_points
-        return ((0.0, 0.0), (end, self.temperature_ramp * end))
+        """Change of temperature, K, at times in s, warm-up and hysteresis included; `end`: that of the run."""
+        points = self.temperature_points or ((0.0, 0.0), (end, self.temperature_ramp * end))
+        if self.warm_up_time is not None:
+            points = _warmed(points, self.warm_up_rise, self.warm_up_time, end)
+        return _lagging(points, self.hysteresis) if self.hysteresis else points
+
+
+def _warmed(points: Points, rise: float, constant: float, end: float) -> Points:
+    """The points with rise (1 - exp(-t/constant)), by lines that are off by 2e-5 of the rise at most."""
+    times = np.union1d(
+        [time for time, _ in points], np.append(np.arange(0.0, min(end, 12 * constant), constant / 80), end)
+    )
+    own = np.interp(times, *np.transpose(points))
+    warm = own - rise * np.expm1(-np.maximum(times, 0.0) / constant)
+    return tuple(zip(times.tolist(), warm.tolist(), strict=True))
+
+
+def _lagging(points: Points, width: float) -> Points:
+    """The play of `width` to either side between what drives it and its answer, which starts in the middle."""
+    answer = points[0][1]
+    found = [points[0]]
+    for (begin, before), (end, after) in pairwise(points):
+        held = min(max(answer, after - width), after + width)
+        if held != answer:
+            edge = answer + width if held > answer else answer - width  # where the answer begins to move
+            part = (edge - before) / (after - before)
+            if 0.0 < part < 1.0:
+                found.append((begin + part * (end - begin), answer))
+            answer = held
+        found.append((end, answer))
+    return tuple(found)

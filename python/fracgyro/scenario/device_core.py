@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .device import Device
+from .device import GAIN_DRIFTS, MATRIX_DRIFTS, Device
 from .points import Points
 from .scenario import Scenario
 from .volts_core import at_bias, drive, has_volts
@@ -75,6 +75,7 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
             "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
             "stiffness_drift": 1e-6 * d.stiffness_coefficient,
             "damping_drift": 1e-6 * d.damping_drift,
+            **{name: np.multiply(1e-6, getattr(d, name)).tolist() for name in (*MATRIX_DRIFTS, *GAIN_DRIFTS)},
             "bias_instability": d.bias_instability / scales.rate,
             "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,
         }

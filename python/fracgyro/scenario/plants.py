@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 
 from .. import _core
-from .device import Device, Rate
+from .device import MATRIX_DRIFTS, Device, Rate
 from .kinds import PLANT_KINDS
 from .scales import Scales
 from .schema import Plant
 from .table import message_error, toml_value
 
 # Fields of [device] that act on the stiffness and damping of the gyroscope.
-OF_THE_GYROSCOPE = ("stiffness_drift", "damping_drift", "cubic_stiffness")
+OF_THE_GYROSCOPE = ("stiffness_drift", "damping_drift", "cubic_stiffness", *MATRIX_DRIFTS)
 # Fields of [device] that act as a dynamic rate.
 RATE_NOISE = ("bias_instability", "rate_random_walk")
 

@@ -16,6 +16,9 @@ SHIPPED = {
     "dual_mass": "a dual-mass gyroscope in vacuum, 3925 and 3978 Hz",
     "tuned_in_air": "a gyroscope tuned to near-equal modes, in air",
     "disc": "a mode-matched disc with a quality factor of 2e6",
+    "dual_mass_volts": "the dual-mass gyroscope with its electrodes and amplifiers",
+    "tuned_in_air_volts": "the gyroscope in air with its electrodes and amplifiers",
+    "baw_disc": "a disc of bulk waves at 976 kHz with its electrodes and amplifiers",
 }
 NAMES = {
     "paper": "the paper's, corrected, every field explained",
@@ -29,8 +32,9 @@ def shipped_text(name: str) -> str:
     """The TOML of a device of SHIPPED, with its sources."""
     head, *tables = _parts(name)
     added = {part.partition("\n")[0]: part for part in _parts(COMMON)[1:]}
-    own = {part.partition("\n")[0]: part for part in tables}
-    merged = [own.get(title, title) + added.get(title, title).removeprefix(title) for title in own | added]
+    titles = [part.partition("\n")[0] for part in tables]
+    tables = [part + added.pop(title, title).removeprefix(title) for title, part in zip(titles, tables, strict=True)]
+    merged = [*tables, *added.values()]
     return "\n\n".join([head, *merged]) + "\n"
 
 
