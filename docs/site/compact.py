@@ -1,4 +1,4 @@
-"""A site that is built faster and is smaller: one sidebar for all pages that are not in it, pictures with few colors."""
+"""A smaller site that is built faster: one sidebar for all pages that are not in it, pictures with few colors."""
 
 from __future__ import annotations
 

@@ -40,10 +40,10 @@ private:
 
 // Changes per kelvin, in addition to the common ones of springs and dampers.
 struct ThermalParams {
-    Vec2<double> spring{}, damper{};            // of k_xx and k_yy, d_xx and d_yy, as fractions
-    double quadrature = 0.0;                    // of k_xy, over the root of k_xx k_yy
+    Vec2<double> spring{}, damper{};            // k_xx and k_yy, d_xx and d_yy, as fractions
+    double quadrature = 0.0;                    // k_xy, over the root of k_xx k_yy
     double damping_axis = 0.0;                  // rad, from x towards y
-    Vec2<double> pickoff_gain{}, force_gain{};  // as fractions
+    Vec2<double> pickoff_gain{}, force_gain{};  // fractions
 
     bool moves_plant() const {
         const Vec2<double> sizes = absolute(spring) + absolute(damper);

@@ -373,12 +373,13 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
 
 
 def _by_entries(run: xr.Dataset, of: int) -> xr.DataArray:
-    """What the temperature adds to D (0) or K (1) at each time beyond their common growth, nondimensional."""
+    """Change of D (0) or K (1) by the temperature over time beyond their common growth, nondimensional."""
 
     def warmer(scenario: Scenario) -> NDArray[np.float64]:
         scale = 1.0 if run.attrs["units"] == "SI" else scenario.plant.scales.time
         end = scenario.run.duration * scenario.plant.scales.time
-        return np.interp(scale * run["time"].values, *np.transpose(scenario.device.temperature(end)))
+        times, changes = np.transpose(scenario.device.temperature(end))
+        return np.asarray(np.interp(scale * run["time"].values, times, changes))
 
     drift = of_each(run, lambda s: s.device.drifts(*_true_matrices(s))[of], "entry")
     return drift * of_each(run, warmer, "time") if drift.any() else xr.DataArray(0.0)

@@ -147,9 +147,7 @@ class Device(_Device):
         "K: the device also warms by this much after power on, at t = 0; approached exponentially. 0.0: off.",
         unit="K",
     )
-    warm_up_time: float | None = field(
-        None, "s: time constant of the warm-up. Not set: off, without warm_up_rise.", gt=0, unit="s"
-    )
+    warm_up_time: float = field(60.0, "s: time constant of the warm-up.", gt=0, unit="s")
     hysteresis: NonNegative = field(
         0.0,
         "K: what drifts with temperature follows it only beyond this much of backlash, to either side. 0.0: off.",
@@ -158,11 +156,6 @@ class Device(_Device):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.warm_up_rise != 0.0) != (self.warm_up_time is not None):
-            raise message_error(
-                f"device.warm_up_rise is {toml_value(self.warm_up_rise)} and device.warm_up_time is "
-                f"{'missing' if self.warm_up_time is None else toml_value(self.warm_up_time)}: a warm-up needs both"
-            )
         for quantity, limit in {"position": "range", "velocity": "range", "actuator": "limit"}.items():
             bits, span = getattr(self, f"{quantity}_bits"), getattr(self, f"{quantity}_{limit}")
             if bits and not np.isfinite(span).all():
@@ -212,7 +205,7 @@ class Device(_Device):
     def temperature(self, end: float) -> Points:
         """Change of temperature, K, at times in s, warm-up and hysteresis included; `end`: that of the run."""
         points = self.temperature_points or ((0.0, 0.0), (end, self.temperature_ramp * end))
-        if self.warm_up_time is not None:
+        if self.warm_up_rise:
             points = _warmed(points, self.warm_up_rise, self.warm_up_time, end)
         return _lagging(points, self.hysteresis) if self.hysteresis else points
 
@@ -234,7 +227,7 @@ def _lagging(points: Points, width: float) -> Points:
     for (begin, before), (end, after) in pairwise(points):
         held = min(max(answer, after - width), after + width)
         if held != answer:
-            edge = answer + width if held > answer else answer - width  # where the answer begins to move
+            edge = answer + width if held > answer else answer - width  # at which the answer begins to move
             part = (edge - before) / (after - before)
             if 0.0 < part < 1.0:
                 found.append((begin + part * (end - begin), answer))

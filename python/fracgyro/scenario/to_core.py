@@ -150,16 +150,15 @@ def _drifts(scenario: Scenario) -> dict[str, float]:
     slopes = [abs(b - a) / (end - begin) for (begin, a), (end, b) in itertools.pairwise(points) if end > begin]
     warming = 1e-6 * max(slopes, default=0.0) * scales.time
     return {
-        "stiffness_drift": _largest_drift(device.stiffness_coefficient, *device.spring_drift, device.quadrature_drift)
+        "stiffness_drift": _largest_drift(device.stiffness_coefficient, device.spring_drift, device.quadrature_drift)
         * warming,
-        "damping_drift": _largest_drift(device.damping_drift, *device.damper_drift, device.damping_axis_drift)
-        * warming,
+        "damping_drift": _largest_drift(device.damping_drift, device.damper_drift, device.damping_axis_drift) * warming,
     }
 
 
-def _largest_drift(common: float, x: float, y: float, xy: float) -> float:
-    """That of an entry of K or D in ppm/K: of all entries, of xx, of yy, and of xy, over the size of the others."""
-    return float(max(abs(common), abs(common + x), abs(common + y), abs(xy)))
+def _largest_drift(common: float, own: Pair, xy: float) -> float:
+    """That of an entry of K or D in ppm/K: of all, of xx and yy in addition, and of xy over the size of the others."""
+    return float(max(abs(common), abs(common + own[0]), abs(common + own[1]), abs(xy)))
 
 
 def reference_reach(scenario: Scenario) -> tuple[Pair, Pair]:
@@ -210,7 +209,7 @@ def _plant_tolerance(scenario: Scenario) -> float:
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
     warmest = max(abs(change) for _, change in device.temperature(scenario.run.duration * plant.scales.time))
-    drift = _largest_drift(device.stiffness_coefficient, *device.spring_drift, device.quadrature_drift)
+    drift = _largest_drift(device.stiffness_coefficient, device.spring_drift, device.quadrature_drift)
     error: float = abs(1 / ratio - 1) + float(unknown) + 1e-6 * drift * warmest
     error += 1e-6 * warmest * max(map(abs, (*device.pickoff_gain_drift, *device.force_gain_drift)))
     error += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
