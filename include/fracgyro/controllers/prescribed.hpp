@@ -9,12 +9,12 @@
 //
 //    on each axis, with q, v and r̈ of the force moved along the reference to the held point (feedforward.hpp). Near
 //    zero it is a spring of the frequency 1/(ξ ρ) and the damper c: a bound below the error that these leave is
-//    exceeded. The estimates follow the laws (44), with z instead of s. At the final bound z is nearly ė, from which they learn
-//    nothing of a lasting error.
+//    exceeded. The estimates follow the laws (44), with z instead of s. At the final bound z is nearly ė, from which
+//    they learn nothing of a lasting error.
 //
 //    Sampled, the spring of the barrier is limited to a frequency of 1/(2h): ξ is at least 2h/ρ_∞, and B of ε/B at
-//    least 2h. No damper takes more than z in a step. A bound that is reached, |H| > 1 - 2⁻¹⁰, and one at the force limit
-//    is widened to 1.2 |e|, with the spring that it had, and shrinks from there.
+//    least 2h. No damper takes more than z in a step. If the error reaches the bound, |H| > 1 - 2⁻¹⁰, or the force its
+//    limit, the bound is widened to 1.2 |e|, with the spring that it had, and shrinks from there.
 //
 //    A funnel has a gain that grows towards the bound instead of the barrier, and one for the velocity:
 //

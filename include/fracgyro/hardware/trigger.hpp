@@ -4,9 +4,9 @@
 //
 //        a new force is sent if  |u - u_sent| >= a + b |u_sent|  on either axis
 //
-//    The acting force is within a + b |u_sent| of that of the law, an additional bounded disturbance: below the noise of
-//    the law's force, every step sends. Observer and filter know the sent force, and models within a law that of the
-//    law.
+//    The acting force is within a + b |u_sent| of that of the law, an additional bounded disturbance: below the noise
+//    of the law's force, every step sends. Observer and filter know the sent force, and models within a law that of
+//    the law.
 //
 // Source: textbook; docs/decisions/0053.
 #pragma once
