@@ -15,7 +15,7 @@ export async function load({ wasm, data, single = false } = {}) {
   const fetched = async (name) => {
     const response = await fetch(new URL(name, import.meta.url));
     if (!response.ok) {
-      throw new Error(`${name} cannot be loaded: the server says ${response.status}`);
+      throw new Error(`${name} cannot be loaded: the server answered ${response.status}`);
     }
     return response;
   };
