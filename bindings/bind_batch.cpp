@@ -56,7 +56,7 @@ public:
 
     // True if no run calls Python.
     bool run_on_any_thread() const { return threaded_; }
-    // Throws if a user's code did harm in this run, which has finished.
+    // Throws if a user's code wrote beyond its arrays in this run, which has finished.
     void check(std::size_t i) const {
         if (!users_.empty()) {
             users_[i]->check();

@@ -182,7 +182,7 @@ def log_of(name: str, result: Compared, quick: bool) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"Of {', '.join(TASKS)}; all if none is given.")
+    parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"Tasks to run: {', '.join(TASKS)}; by default all.")
     parser.add_argument("--quick", action="store_true", help="a minute's look; the logs are marked as untuned")
     parser.add_argument("--again", action="store_true", help="make all searches again")
     given = parser.parse_args()

@@ -3,7 +3,7 @@ Allan deviation of a record
 ===========================
 
 The record is synthetic: an hour at 100 samples a second with an angle random walk of 0.12 deg/√h, a
-bias instability of 7.2 deg/h and a rate random walk of 86 deg/h/√h. ``analyse_record`` reads any CSV file of a
+bias instability of 7.2 deg/h and a rate random walk of 86 deg/h/√h. ``analyze_record`` reads any CSV file of a
 gyroscope at rest and finds the three, with intervals.
 """
 

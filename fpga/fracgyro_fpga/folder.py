@@ -37,8 +37,8 @@ def fpga(
     """Writes a scenario's controller as a self-contained folder of Verilog, whole or not at all.
 
     number: float, with the bits of the firmware; or fixed, 48 bits of which 28 are after the point. Raises ValueError,
-    in one sentence, when the folder cannot be written, the controller cannot be hardware, or it would not stay bounded
-    and `unbounded` does not say that it need not.
+    in one sentence, when the folder cannot be written, the controller cannot be hardware, or it may become unbounded
+    without `unbounded`.
 
     >>> from fracgyro_fpga import fpga
     >>> fpga(fg.Scenario.shipped("hardware").replace({"controller.kind": "pid"}), "hardware")

@@ -1,4 +1,4 @@
-"""Schedules as microcode: one word a cycle, whose fields say what every unit reads and where results go.
+"""Schedules as microcode: one word a cycle, whose fields choose what every unit reads and where results go.
 
 Each operand has memories of its own: a copy of every bank that it reads. Those of results are small: a result is there
 from when it is written until it is read for the last time. The bank "kept" has the words of the state and the parts of

@@ -15,7 +15,7 @@ export async function load({ wasm, data, single = false } = {}) {
   const fetched = async (name) => {
     const response = await fetch(new URL(name, import.meta.url));
     if (!response.ok) {
-      throw new Error(`${name} cannot be loaded: the server says ${response.status}`);
+      throw new Error(`${name} cannot be loaded: the server answered ${response.status}`);
     }
     return response;
   };
@@ -27,7 +27,7 @@ export async function load({ wasm, data, single = false } = {}) {
 const LARGEST_RECORD = 2e9; // bytes
 const BUFFERED = 4096; // rows
 const INPUTS = 11; // numbers of a sample that a law is given
-// What the guard thinks of a sample, by number; 5 is a saved state refused.
+// The guard's verdict on a sample, by number; 5 is a rejected saved state.
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 // Numbers of the datasheet that the filter of the measured motions needs.
 const FILTERED = ["force_noise", "position_noise", "velocity_noise", "delay"];
@@ -74,7 +74,7 @@ class Fracgyro {
     return { time, columns: loop.columns, column, diverged, rows: rows.subarray(0, length * width) };
   }
 
-  // The closed loop in parts, from t = 0 on, and beyond run.duration if asked.
+  // The closed loop in parts, from t = 0 on; it may go beyond run.duration.
   async loop(scenario, changes = {}, { law } = {}) {
     const { settings, sensing, core, loop, valuesOf } = await this.#started(scenario, changes, law);
     const step = settings["run.step"];
@@ -391,7 +391,7 @@ class Fracgyro {
   }
 }
 
-// A law returns what no controller can, or is none.
+// A law returned something that is not a force, or is not a law.
 export class LawError extends RangeError {}
 
 // A law of the caller's, a function or { force, report }, as the core calls it.

@@ -15,7 +15,7 @@
 
 #ifndef FRACGYRO_SINGLE
 // From a sample, `in`, which is a UserInput, the force on x and y and the reports, to `out`. Throws instead of
-// returning a force that is not finite; then this instance cannot be used any more.
+// returning a force that is not finite; then this instance can no longer be used.
 extern "C" [[clang::import_module("caller"), clang::import_name("law")]] void callers_law(const double* in,
                                                                                           double* out);
 #endif
@@ -138,7 +138,7 @@ EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(c
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
 // The kind is a place in the registry; `sensing`: observer, filter, trigger, known pick-offs, as sensing_of in
-// settings.hpp lists them; `device`: the numbers of a moving rate and a real device, or nullptr. Designs the
+// settings.hpp lists them; `device`: the numbers of a dynamic rate and a real device, or nullptr. Designs the
 // exponentials of a controller with memory. Returns whether there are such.
 EXPORT bool setup_done(std::size_t kind, const double* sensing, double duration, double tolerance,
                        const double* device) {

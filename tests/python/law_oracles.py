@@ -289,7 +289,7 @@ class Prescribed:
         return np.asarray(force)
 
     def barrier(self, e: np.ndarray, de: np.ndarray, course: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """z, and the force next to that of the plant and the reference."""
+        """z, and the force without that of the plant and the reference."""
         c, h = self.c, self.h
         fall = -c.bound_rate * (self.rho - c.bound_final), -c.bound_rate * (course - c.bound_final)
         small = 1e-7

@@ -92,7 +92,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("kind", {"electrodes": [combs("quadrature", 0.0)]}, 'electrodes[0].kind is "comb": it must be skewed'),
     ("nulling", {"electrodes": [plates("tuning", 0.0, nulling=1.0)]}, "electrodes[0].nulling is 1.0: it must be 0.0"),
     ("bits", {"electrodes": both(combs, "force", bits=12)}, "electrodes[0].bits is 12 and electrodes[0].range is inf"),
-    ("bias", {"electrodes": both(combs, "force", bias=0.0)}, "electrodes[0].bias is 0.0: it must not be"),
+    ("bias", {"electrodes": both(combs, "force", bias=0.0)}, "electrodes[0].bias is 0.0: it must be other than 0"),
     ("axes", {"electrodes": [combs("force", 0.0)]}, "electrodes of role force have one direction"),
     ("field", {"electrodes": [{"gab": 1e-6}]}, "electrodes[0].gab is not a known field; did you mean"),
     ("number", {"electrodes": [{"gap": -1e-6}]}, "electrodes[0].gap is -1e-06: it must be greater than 0"),
@@ -368,7 +368,7 @@ def printed_at_bias(name: str) -> dict[str, list[float]]:
 def test_at_bias_prints_the_closed_forms_of_the_dual_mass_device() -> None:
     """Each number from the published dimensions, DEVICE.md's table of electrodes written out again."""
     found, omega = printed_at_bias("dual_mass_volts"), (math.tau * 3925.29, math.tau * 3978.45)
-    drive = 4 * 404700 * EPSILON * 6e-5 * 5.0 / 1e-3  # N/V, of combs: 4 N eps t V/g
+    drive = 4 * 404700 * EPSILON * 6e-5 * 5.0 / 1e-3  # N/V, combs: 4 N eps t V/g
     push = 2 * 58 * EPSILON * 1.078481e-8 * 5.0 / 4e-6**2  # pairs of plates: 2 N eps a V/g^2
     comb, plate = 2 * 67667 * EPSILON * 6e-5 / 1e-3, 100 * EPSILON * 1.0571e-8 / 4e-6  # F/m, F: of one side
     charges = [2 * comb * 5.0, 2 * plate / 4e-6 * 5.0]

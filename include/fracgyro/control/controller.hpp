@@ -60,7 +60,7 @@ concept Resumable =
         { C::sound(known, c) } -> std::same_as<bool>;
     };
 
-// A controller that takes, after a step, the force that its request became: that which the code of a converter means.
+// A controller that receives, after a step, the force to which a converter rounded its request.
 template <class C>
 concept KnowsForce = requires(typename C::State& state, const typename C::Coefficients& c,
                               const Vec2<typename C::Value>& force) { C::acted(state, c, force); };

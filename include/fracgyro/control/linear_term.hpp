@@ -1,8 +1,8 @@
 // λ₁ e, and what published laws add to it; each is off by default, and without any it is λ₁ e bit for bit.
 //
-//    coupling c_z      the force has -c_z e more: backstepping with z₁ = e, z₂ = s
-//    integral λᵢ       s has λᵢ ∫e more
-//    start rate a      s has -s(0) e^(-a t) more, from the first measured sample on: the start is on the surface
+//    coupling c_z      adds -c_z e to the force: backstepping with z₁ = e, z₂ = s
+//    integral λᵢ       adds λᵢ ∫e to s
+//    start rate a      adds -s(0) e^(-a t) to s from the first measured sample on: the start is on the surface
 //    filter τ          dynamic surface: s = v - α̂, where α̂ follows α = ṙ - λ₁ e - λᵢ ∫e with the lag τ, and the force
 //                      has dα̂/dt = (α - α̂)/τ, so that it needs no acceleration of the reference
 //

@@ -7,14 +7,14 @@
 //        dσ/dt = -k σ - k_s sat(σ/δ)
 //
 //    ë is that of the model: the acceleration is not measured. Then σ = u - u_PD, with the force u_PD of the model that
-//    places the poles -λ and -κ, so the force follows that of a PD at the rate k, moved on by the model meanwhile.
+//    places the poles -λ and -κ, so the force follows that of a PD at the rate k, and the model moves it in between.
 //    The held force of a step is the one that leaves, by the model, of σ at its end
 //
 //        σ⁺ = e^(-k h) σ - sat(e^(-k h) (1 - e^(-k_s h/δ)) σ)        |sat| <= k_s h
 //
-//    which overshoots for no gain. The state is the force less the feedforward at the held point (reference.hpp). At
-//    the force limit it is the force that acts, so nothing winds up. The estimates follow the laws (44), with
-//    s = ė + λ e; they rest at the limit while it takes from the force against σ. Without a sample, only the
+//    which overshoots for no value of the gains. The state is the force less the feedforward at the held point
+//    (reference.hpp). At the force limit it is the force that acts, so nothing winds up. The estimates follow the laws
+//    (44), with s = ė + λ e; they rest while the limit removes force that acts against σ. Without a sample, only the
 //    feedforward moves on.
 //
 // Source: doi 10.3390/mi12020190 (abstract read); docs/decisions/0053.
@@ -72,7 +72,7 @@ struct DynamicSliding {
         typename Base::Coefficients base{};
         T surface_gain{}, velocity_gain{}, position_gain{};  // λ, λ + κ, λ κ
         T step{}, half_step{};
-        T share{};               // 1/(1 + (λ + κ) h + λ κ h²/2): what a step of ë changes of σ
+        T share{};               // 1/(1 + (λ + κ) h + λ κ h²/2): change of σ by a step of ë
         T decay{};               // 1 - e^(-k h)
         T layer_gain{}, most{};  // e^(-k h) (1 - e^(-k_s h/δ)), k_s h
     };

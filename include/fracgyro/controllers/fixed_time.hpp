@@ -1,7 +1,7 @@
 // Adaptive fixed-time sliding mode control: without noise and with unlimited force, the error reaches zero within a
-// time that its start does not change.
+// time that does not depend on its start.
 //
-// Use it when you study fixed-time convergence; a force limit or noise takes the advantage from it.
+// Use it when you study fixed-time convergence; a force limit or noise removes the advantage.
 //
 //        s = ė + a sig(e, μ) + b sig(e, ν)        sig(z, p) = |z|^p sign(z)
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - (a μ |e|^(μ-1) + b ν |e|^(ν-1)) ė - k₁ sig(s, ½) - k₂ sig(s, 3/2)
@@ -125,7 +125,7 @@ struct FixedTime {
     }
 
 private:
-    // The mean of what takes from |s| in the coming step.
+    // The mean over the coming step of the terms that reduce |s|.
     static Vec2<T> reach(const Coefficients& c, const Vec2<T>& size) {
         const Vec2<T> root = square_root(size), one{T(1.0), T(1.0)};
         if (!c.held) {

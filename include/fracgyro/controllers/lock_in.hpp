@@ -22,7 +22,7 @@
 //        z' = A z + Im Σ X w + noise        s = H z + Im Σ X w + noise
 //
 //    A is corrected to first order for the estimates. P = U diag(d) Uᵀ (core/covariance.hpp), z before θ. Forces within
-//    a span move its statistics too; that these agree with what they do to z' is neglected.
+//    a span move its statistics too; their correlation with the effect on z' is neglected.
 //
 //    The work is divided among the steps of a span, in the order of LockInFilter::work: span k is learned from during
 //    span k + 1, which ends with the force of span k + 2.

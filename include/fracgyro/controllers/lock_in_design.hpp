@@ -1,5 +1,5 @@
-// Design of the lock-in (lock_in.hpp): what n steps of one axis do to z = [e, ė] and to its two statistics, computed
-// once in double precision.
+// Design of the lock-in (lock_in.hpp): the effect of n steps of one axis on z = [e, ė] and on its two statistics,
+// computed once in double precision.
 #pragma once
 
 #include "fracgyro/control/held_plant.hpp"

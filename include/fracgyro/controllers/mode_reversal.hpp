@@ -1,7 +1,7 @@
-// Mode reversal: a force-rebalance gyroscope whose drive axis changes by 90° again and again, so that the dampers' bias
-// changes its sign.
+// Mode reversal: a force-rebalance gyroscope whose drive axis changes by 90° in regular intervals, so that the dampers'
+// bias changes its sign.
 //
-// Use it when force rebalance has the noise that you need and its bias from the dampers does not.
+// Use it when force rebalance has little enough noise, but too much bias from the dampers.
 //
 //    All of force rebalance runs in axes turned by ϑ_c, which is ϑ₀ for an interval, ϑ₀ + 90° for the next, and so on:
 //
@@ -173,7 +173,7 @@ private:
         const std::uint64_t swung = since < c.interval ? 0 : (since - c.interval) * c.per_step;
         return {other ? quarter - swung : swung, since, other};
     }
-    // Turns the axes by 90°, with what the loops know.
+    // Turns the axes by 90°, with the states of the loops.
     static void change_axes(State& state) {
         auto& held = state.held;
         const Vec2<T> drive = held.drive, kept = state.kept;

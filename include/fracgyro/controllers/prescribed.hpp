@@ -8,19 +8,19 @@
 //        u = (D̂ + 2Ω̂) v + K̂ q + dα/dt - ε/B - c z - 2^(-3/4) k₃ sig(z, ½) - ¼ k₄ z³        z = v - α
 //
 //    on each axis, with q, v and r̈ of the force moved along the reference to the held point (feedforward.hpp). Near
-//    zero it is a spring of the frequency 1/(ξ ρ) and the damper c: a bound below the error that these leave is left.
-//    The estimates follow the laws (44), with z instead of s. At the final bound z is nearly ė, from which they learn
-//    nothing of a lasting error.
+//    zero it is a spring of the frequency 1/(ξ ρ) and the damper c: a bound below the error that these leave is
+//    exceeded. The estimates follow the laws (44), with z instead of s. At the final bound z is nearly ė, from which
+//    they learn nothing of a lasting error.
 //
 //    Sampled, the spring of the barrier is limited to a frequency of 1/(2h): ξ is at least 2h/ρ_∞, and B of ε/B at
-//    least 2h. No damper takes more than z in a step. A bound that is left, |H| > 1 - 2⁻¹⁰, and one at the force limit
-//    is widened to 1.2 |e|, with the spring that it had, and shrinks from there.
+//    least 2h. No damper takes more than z in a step. If the error reaches the bound, |H| > 1 - 2⁻¹⁰, or the force its
+//    limit, the bound is widened to 1.2 |e|, with the spring that it had, and shrinks from there.
 //
 //    A funnel has a gain that grows towards the bound instead of the barrier, and one for the velocity:
 //
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - k_e² e - k_v ė        k_e = 1/(ξ (ρ - |e|))        k_v = c ν ρ_∞/(ν ρ - |ė|)
 //
-//    with the same spring at zero, k_e at most 1/(2h) and k_v at most 0.8/h. It asks for no model; the laws (44) have
+//    with the same spring at zero, k_e at most 1/(2h) and k_v at most 0.8/h. It needs no model; the laws (44) have
 //    ė + τ (1 - ρ_∞/ρ) e.
 //
 // Source: 2023, doi 10.1049/cth2.12484 (abstract and code read); the funnel after doi 10.1137/100799903

@@ -117,11 +117,11 @@ struct WholeAngleGyroscope {
         // Turns of a virtual rotation; times that its loops need after a reversal, and until it reverses in any case.
         T turns{}, settling{}, longest{};
     };
-    // The way in turns since the loops have settled after a reversal, and the time, below 0 until then.
+    // Turns since the loops settled after a reversal, and the time since then, below 0 before.
     struct Turning {
         LongSum<T> way{}, time{};
         T direction = T(1.0);
-        T ways{}, last{};   // how many there were, up to 3, and the mean rate of the last one
+        T ways{}, last{};   // passes so far, up to 3, and the mean rate of the last one
         T mean{}, error{};  // from the last two
     };
     struct Nothing {};
@@ -315,15 +315,15 @@ private:
 
 // Whole-angle gyroscope: the vibration is free to turn, so the angle is measured itself, and no rate is too large.
 //
-// Use it when the device has equal axes and a high quality factor, and the angle or a wide range counts.
+// Use it when the device has equal axes and a high quality factor, and the angle or a wide range matters.
 template <Scalar T>
 using WholeAngle = WholeAngleGyroscope<T, false>;
 // Whole-angle gyroscope with virtual rotation: forces turn the vibration to and fro, and the mean of whole turns is the
 // rate.
 //
-// Use it when slow rates count: drifts that depend on the angle average out, and the line never locks to the dampers.
+// Use it when slow rates matter: drifts that depend on the angle average out, and the line never locks to the dampers.
 //
-//    A way to one side, Δϑ in Δt, gives m₊, and one to the other m₋:
+//    A pass in one direction, Δϑ in Δt, gives m₊, and one in the other m₋:
 //
 //        v = ±v₀        m = v - Δϑ/Δt        Ω̂z = ½(m₊ + m₋)
 template <Scalar T>

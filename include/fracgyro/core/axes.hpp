@@ -29,13 +29,13 @@ inline AxesMap<double> onto(const AxesParams& p) {
     const Vec2<double> gain = Vec2<double>{1.0, 1.0} + p.gain_error;
     return {gain * Vec2<double>{turn.x(), -turn.y()}, gain * swapped(turn)};
 }
-// The vector of the plant that amounts along the axes make, each times its gain.
+// The vector of the plant made of amounts along the axes, each times its gain.
 inline AxesMap<double> along(const AxesParams& p) {
     const Vec2<double> turn = turn_of<double>(p.misalignment);
     const Vec2<double> gain = Vec2<double>{1.0, 1.0} + p.gain_error;
     return {gain.x() * turn, gain.y() * turned(turn)};
 }
-// The vector of the plant that is seen so: the inverse of `onto`.
+// The vector of the plant that is seen as this one: the inverse of `onto`.
 inline AxesMap<double> seen_from(const AxesParams& p) {
     const Vec2<double> turn = turn_of<double>(p.misalignment);
     return {(1.0 / (1.0 + p.gain_error.x())) * turn, (1.0 / (1.0 + p.gain_error.y())) * turned(turn)};

@@ -25,7 +25,7 @@
 //    estimates return to their values before and their variances to the prior. From then on D̂ and K̂ are compared with
 //    the values before: Ω̂z is not trusted until they have agreed for four windows, nor when they disagree later, as
 //    they may in a lasting fault. While they disagree they are learned again every 32 windows, or `longest` samples if
-//    these are more. The joint filter trusts nothing for as many samples at first, during which a moving rate spoils D̂
+//    these are more. The joint filter trusts nothing for as many samples at first, during which a dynamic rate spoils D̂
 //    and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance` samples. An
 //    inconsistency whose excess is, within a factor of four, as large as one after which they were learned again is an
 //    error of the model and does not trigger relearning: each relearning makes the estimate of Ωz jump.
@@ -43,7 +43,7 @@ struct Consistency {
     using Row = std::array<T, parameters>;
     static constexpr double max_innovation = 8.0;    // deviations: noise never reaches it
     static constexpr double max_excess = 1.25;       // five deviations of a mean over a window
-    static constexpr double max_unexplained = 3.0;   // times the part explained by a moving rate
+    static constexpr double max_unexplained = 3.0;   // times the part explained by a dynamic rate
     static constexpr double max_difference = 5.0;    // deviations of an estimate from that before a disagreement
     static constexpr double turn_share = 0.5;        // share of the part explained by a rate that may move estimates
     static constexpr double max_refused = 3.0;       // in a row

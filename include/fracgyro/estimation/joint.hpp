@@ -243,7 +243,7 @@ struct JointFilter {
         }
     }
 
-    // The force requested last acts as this one: what the codes of a converter mean. After `predict`.
+    // The force requested last acts as this one, to which a converter rounded it. Call it after `predict`.
     static void acted(State& state, const Coefficients& c, const Vec2<T>& force) {
         const Vec2<T> more = force - state.force;
         state.force = force;

@@ -62,7 +62,7 @@ struct MotionFilter {
     }
     static bool sound(const State& state) { return fracgyro::sound(state.started); }
 
-    // Drops the motion, and with it f. Forces on their way remain.
+    // Drops the motion, and with it f. Forces that have yet to act remain.
     static void start_over(State& state, bool keep_forces) {
         State fresh{};
         if (keep_forces) {

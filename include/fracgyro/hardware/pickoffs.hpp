@@ -1,4 +1,4 @@
-// Known pick-offs: measurements are brought back to the axes of the plant before anything else uses it.
+// Known pick-offs: measurements are brought back to the axes of the plant before anything else uses them.
 //
 // Use it when `fracgyro identify` or a rate table found the ratio of the pick-offs, or their angle.
 //

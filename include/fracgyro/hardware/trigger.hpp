@@ -1,11 +1,12 @@
-// Event trigger: the controller runs each step, and its force is sent only if it is another than the one that acts.
+// Event trigger: the controller runs each step, and its force is sent only if it differs enough from the one that acts.
 //
 // Use it when each force that is sent costs something: a bus, a converter's energy.
 //
 //        a new force is sent if  |u - u_sent| >= a + b |u_sent|  on either axis
 //
-//    The acting force is within a + b |u_sent| of that of the law, a bounded disturbance more: below the noise of the
-//    law's force, every step sends. Observer and filter know the sent force, and models within a law that of the law.
+//    The acting force is within a + b |u_sent| of that of the law, an additional bounded disturbance: below the noise
+//    of the law's force, every step sends. Observer and filter know the sent force, and models within a law that of
+//    the law.
 //
 // Source: textbook; docs/decisions/0053.
 #pragma once

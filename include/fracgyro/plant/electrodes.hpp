@@ -266,8 +266,8 @@ private:
     double per_gap_ = 0.0;   // f ε a/g of a plate, f N ε t of a comb, F
 };
 
-// The law of a bias at which a plate, or a pair of plates, pulls in an undriven spring of stiffness k: V² is this times
-// k g³/(f ε a). Of a step of the voltage it is 27/32 of that, for a single plate without damping.
+// Factor for the bias at which a plate, or a pair of plates, pulls in on an undriven spring of stiffness k: V² is this
+// times k g³/(f ε a). For a step of the voltage it is 27/32 of that, for a single plate without damping.
 inline double pull_in_voltage(const ElectrodeParams& p, double stiffness) {
     const double scale = stiffness * p.gap * p.gap * p.gap / (p.fringe * Electrode::permittivity * p.count * p.area);
     return square_root(p.pair ? scale / 2.0 : 8.0 * scale / 27.0);

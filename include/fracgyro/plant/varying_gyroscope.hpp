@@ -1,4 +1,4 @@
-// 6  The gyroscope with a moving rate, drifting springs and dampers, or nonlinear springs:
+// 6  The gyroscope with a dynamic rate, drifting springs and dampers, or nonlinear springs:
 //
 //        q̈ + ((1 + η(t)) (D + ΔD) + T(t) D' + 2Ω(t)) q̇ + ((1 + ε(t)) (K + ΔK) + T(t) K') q + κ q³ = u + d
 //

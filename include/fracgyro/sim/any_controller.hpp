@@ -28,7 +28,7 @@ public:
     virtual void start_over(bool keep_estimates) = 0;
     virtual std::uint64_t steps() const = 0;
     virtual bool needs_velocity() const { return true; }
-    // True if a filter between the sensors and the controller would be of use (motion_filter.hpp).
+    // True if a filter between the sensors and the controller would be useful (motion_filter.hpp).
     virtual bool takes_filter() const { return true; }
     // Sets other parameters, of the same type, from the coming step on.
     virtual void set(const ControllerParams& params, const Common& common) = 0;

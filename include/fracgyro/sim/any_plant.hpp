@@ -30,7 +30,7 @@ public:
     // stores of its halves.
     virtual void step(PlantState& state, Motion<double>& motion, const PlantStep& step) = 0;
     virtual bool runs_on_any_thread() const { return true; }
-    // Throws if the plant did harm in the finished run.
+    // Throws if the plant wrote beyond its arrays in the finished run.
     virtual void check() const {}
 };
 

@@ -1,4 +1,4 @@
-// The gyroscope with a moving rate or a non-ideal device, and runs with it: slower, and only in double precision.
+// The gyroscope with a dynamic rate or a non-ideal device, and runs with it: slower, and only in double precision.
 // Without any of these effects its samples are those of loop.hpp, bit for bit.
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace fracgyro {
 
-// One run, possibly with a moving rate and a non-ideal device.
+// One run, possibly with a dynamic rate and a non-ideal device.
 template <class Params>
 struct DeviceSetupOf : SetupOf<Params> {
     AngularRateParams rate{};
@@ -160,7 +160,7 @@ struct DeviceGyroscope {
         const Vec2<double> given = Volts::drive(state.volts, c.volts, late, state.measured.position);
         state.applied = Imperfections::give(c.device, given, n);
     }
-    // The force that the code for the last request means, for controllers that take it; otherwise nullptr.
+    // The force to which the converter rounded the last request, for controllers that receive it; otherwise nullptr.
     static const Vec2<double>* code(const State& state, const Coefficients& c) {
         return c.volts.converts ? &state.volts.code : nullptr;
     }

@@ -26,7 +26,7 @@ public:
     const double* data() const { return lines_.front().numbers.data(); }
     std::size_t count() const { return count_; }
     std::span<double> numbers() { return {data(), count_}; }
-    // Index of the last number written beyond them, or of their last one.
+    // Index of the last number written beyond them; if there is none, of their last one.
     std::size_t written() const {
         std::size_t end = count_ + padding;
         while (end > count_ && std::isnan(data()[end - 1])) {

@@ -8,7 +8,7 @@
 
 namespace fracgyro {
 
-// Returns true if a loop with one can continue with the other: the same type, with the same memory.
+// Returns true if a loop with one controller can continue with the other: the same type, with the same memory.
 inline bool same_controller(const ControllerParams& a, const ControllerParams& b) {
     const auto chosen = [](const ControllerParams& any) {
         std::size_t found = 0;

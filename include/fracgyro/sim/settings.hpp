@@ -36,7 +36,7 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     of("disturbance", setup.disturbance);
 }
 
-// Additional numbers of a moving rate and a real device. Their profiles, which are lists, are passed separately.
+// Additional numbers of a dynamic rate and a real device. Their profiles, which are lists, are passed separately.
 template <class SetupLike, class Visit>
 constexpr void for_each_device_setting(SetupLike& setup, Visit&& visit) {
     for_each_setting_of("rate", setup.rate, visit);

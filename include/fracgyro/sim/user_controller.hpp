@@ -17,7 +17,7 @@ namespace fracgyro {
 class UserController : public UserLaw {
 public:
     virtual bool runs_on_any_thread() const { return true; }
-    // Throws if the controller did harm in the finished run.
+    // Throws if the controller wrote beyond its arrays in the finished run.
     virtual void check() const {}
     // Hint appended to the message about a force that is not finite.
     virtual std::string hint() const { return {}; }

@@ -21,7 +21,7 @@ void reset(void) {
     exit(main());
 }
 
-/* Any fault ends the program with a code that no test takes for success. */
+/* Any fault ends the program with a code that no test mistakes for success. */
 static void fault(void) { _Exit(70); }
 
 /* newlib's exit() runs what C++ programs register; there is nothing. */

@@ -1,4 +1,4 @@
-"""Refusals inside the process of a law: files, network, processes, signals, a look into the memory."""
+"""Refusals inside the process of a law: files, network, processes, signals, access to the memory."""
 
 from __future__ import annotations
 

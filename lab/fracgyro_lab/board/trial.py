@@ -245,7 +245,7 @@ class _Trial:
         scenario: Callable[[], Scenario],
         controller: Callable[[Any], ControllerLike | None],
     ) -> dict[str, Any]:
-        """Metrics by seed. Raises ScenarioError for a law that does better with its own seeds than with secret ones."""
+        """Metrics by seed. Raises ScenarioError for a law with less error on its own seeds than on secret ones."""
         law = controller(self._contender.own)
         mine, secret = (self._measured(scenario(), self._seeds[of], law) for of in ("judging", "secret"))
         error = self._task.error(mine)

@@ -23,7 +23,7 @@ Descent = Generator[list[Point], list[float], None]  # proposes generations, and
 AGREED = math.log(1.05)  # largest difference of the best values
 GAIN = math.log(1.005)  # a descent ends when it has gained less than this
 # Initial standard deviations: of descents from a Latin square, from known points, and from the search's own best. The
-# last is so wide as a descent may have ended on a ridge, which is sharp at a limit.
+# last is wide because a descent may have ended on a ridge, which is sharp at a limit.
 WIDE, CLOSE, NEAR = 0.2, 0.04, 0.1
 
 

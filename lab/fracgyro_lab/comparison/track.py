@@ -22,7 +22,7 @@ from .track_contenders import CONTENDERS, OBSERVER, PAPER
 
 DURATION = 20.0  # twice the transient of the paper's run
 FORCE_LIMIT = 1000.0
-LOW, HIGH = 0.0035, 0.05  # chattering: the paper's own without noise, and what an error may be bought with
+LOW, HIGH = 0.0035, 0.05  # chattering: the paper's own without noise, and a larger one for a smaller error
 NEAR = 0.1  # ceilings that differ by a smaller share are one
 PUBLISHED_SEEDS = 8  # for the runs that measure the chattering of the published gains
 LOOP_BANDWIDTHS = 0.02, 1.1  # range of the field

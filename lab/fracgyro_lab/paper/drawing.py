@@ -70,7 +70,7 @@ class Cell:
 
 
 def envelope(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
-    """log10 of the largest magnitude in each of `columns` equal stretches, at its middle."""
+    """log10 of the largest magnitude in each of `columns` equal segments, at its middle."""
     middle, magnitude = largest(time, np.abs(values), columns)
     return middle, np.log10(np.maximum(magnitude, 1e-12))
 
@@ -160,7 +160,7 @@ def _add_panel(figure: Figure, mm: Transform, panel: Panel) -> None:
 
 
 def numbers(plan: Plan) -> str:
-    """The curves as they are drawn, as CSV. Each has its own times, as each stretch keeps its own extremes."""
+    """The curves as they are drawn, as CSV. Each has its own times, as each segment keeps its own extremes."""
     columns: dict[str, Array] = {}
     for panel in plan.panels:
         cell, variant = panel.cell, list(HEADINGS.values())[panel.left >= BLOCKS[1]]

@@ -72,7 +72,7 @@ def bound(found: Results) -> str:
 
 
 def end(_: Results) -> str:
-    """The proposed controller run on: as corrected, without and with a limit, and as printed."""
+    """The proposed controller over a long time: as corrected, without and with a limit, and as printed."""
     long = scenario("corrected", "proposed").replace({"run.duration": 5000.0, "run.record_every": 1000})
     limited = simulate(long.replace({"controller.switching_limit": 0.5}))
     size = float(np.sqrt((limited["error"][-1000:] ** 2).sum("axis").mean()))

@@ -11,7 +11,7 @@ NOISE, NOISE_OF_ALL = 0.3, 0.02
 
 
 def decimate(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
-    """The least and the largest of each of `columns` equal stretches, in order of time, and both ends.
+    """The minimum and the maximum of each of `columns` equal segments, in order of time, and both ends.
 
     A line through them covers the same pixels as one through every sample.
     """
@@ -26,7 +26,7 @@ def decimate(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
 
 
 def largest(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
-    """The largest value in each of `columns` equal stretches, at its middle; every sample if there are fewer."""
+    """The maximum in each of `columns` equal segments, at its middle; every sample if there are fewer."""
     stretch = -(-len(values) // columns)
     starts = np.arange(0, len(values), stretch)
     ends = np.append(starts[1:], len(values)) - 1
@@ -34,7 +34,7 @@ def largest(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
 
 
 def band(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]:
-    """Times of `columns` equal stretches, and the least and the largest value in each."""
+    """Times of `columns` equal segments, and the minimum and the maximum in each."""
     middle, high = largest(time, values, columns)
     middle[[0, -1]] = time[[0, -1]]
     return middle, -largest(time, -values, columns)[1], high

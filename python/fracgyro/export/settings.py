@@ -95,7 +95,7 @@ def observer_bandwidth(scenario: Scenario) -> float:
 
 
 def device_numbers(scenario: Scenario) -> dict[str, float]:
-    """The numbers of a moving rate and a real device as the core takes them; none if the device is ideal."""
+    """The numbers of a dynamic rate and a real device as the core takes them; none if the device is ideal."""
     if is_ideal(scenario):
         return {}
     if has_volts(scenario):
@@ -139,7 +139,7 @@ def settings(scenario: Scenario) -> list[Setting]:
 
 
 def device_settings(scenario: Scenario) -> list[Setting]:
-    """Those of a moving rate and a real device; none if the device is ideal."""
+    """Those of a dynamic rate and a real device; none if the device is ideal."""
     values = device_numbers(scenario)
     return [Setting(n, values[n.name], 1.0) for n in DEVICE_NUMBERS if values and n.settable != "never"]
 

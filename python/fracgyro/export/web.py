@@ -192,7 +192,7 @@ def _stated(scenario: Scenario, name: str) -> Any:
 
 
 def _device(scenario: Scenario) -> dict[str, Any]:
-    """Numbers of a moving rate and a real device by name, and the points of the rate and the temperature."""
+    """Numbers of a dynamic rate and a real device by name, and the points of the rate and the temperature."""
     rate, temperature = map(list, profiles(scenario))
     # JSON has no infinity: null is none.
     named = {name: value if math.isfinite(value) else None for name, value in device_numbers(scenario).items()}

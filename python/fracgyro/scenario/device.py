@@ -1,4 +1,4 @@
-"""The tables [rate] and [device] of a scenario: a rate that moves, and what a real device adds. All off by default."""
+"""The tables [rate] and [device] of a scenario: a dynamic rate, and imperfections. All off by default."""
 
 from __future__ import annotations
 

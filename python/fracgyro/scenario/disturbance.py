@@ -63,7 +63,7 @@ class Entry(Table):
         unit="omega0",
     )
     amplitude: Pair | None = field(
-        None, "Of sine, step and pulse, which must have it, [x, y], unit of force. Zeros: off.", unit=FORCE
+        None, "[x, y], unit of force: required for sine, step and pulse. Zeros: off.", unit=FORCE
     )
     frequency: Frequencies = field(
         (0.0, 0.0), "Frequency of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
@@ -159,7 +159,7 @@ class Disturbance(Entry):
     def _default(cls, values: Any) -> Any:
         """A list of tables: the first, with the others added to it.
 
-        Neither kind nor strength stated: the paper's randn. A stated kind must state its strength.
+        Without kind and strength it is the paper's randn. A kind that is given needs its strength.
         """
         if isinstance(values, list | tuple):
             if not 1 <= len(values) <= MAX_ENTRIES or not all(isinstance(entry, Mapping | Entry) for entry in values):

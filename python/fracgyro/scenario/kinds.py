@@ -82,7 +82,7 @@ def filtered_types(kind: str) -> tuple[bool, ...]:
 
 @lru_cache
 def told_types(kind: str) -> tuple[bool, ...]:
-    """True for each type of this kind that takes the force that the code of a converter means."""
+    """True for each type of this kind that receives the force to which a converter rounds its request."""
     return tuple(_core.told_types_of_kind(KINDS.index(kind)))
 
 
@@ -90,7 +90,7 @@ def told_types(kind: str) -> tuple[bool, ...]:
 OF_FILTER = ("force_noise", "position_noise", "velocity_noise", "delay")
 
 
-# Those that a moving rate and a real device add: of the tables rate and device.
+# Those that a dynamic rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
 # Those of amplifiers and timing, and of an electrode, in SI.
 ELECTRONICS_NUMBERS = _numbers(_core.electronics_fields())

@@ -1,4 +1,4 @@
-"""The table [reference] of a scenario: the motion to follow, of several kinds, one for each axis or one for both."""
+"""The table [reference] of a scenario: the motion to follow, of one kind for both axes or one for each."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from .table import message_error, toml_value
 
 # Fields of [device] that act on the stiffness and damping of the gyroscope.
 OF_THE_GYROSCOPE = ("stiffness_drift", "damping_drift", *CUBIC, *MATRIX_DRIFTS)
-# Fields of [device] that act as a moving rate.
+# Fields of [device] that act as a dynamic rate.
 RATE_NOISE = ("bias_instability", "rate_random_walk")
 
 

@@ -50,7 +50,7 @@ def page() -> str:
 
 def _kinds() -> Iterator[str]:
     rows = [(f"`{kind}`", escaped(meaning)) for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
-    yield from ["## Controllers", "", *rows_of(("`controller.kind`", "what it is"), rows)]
+    yield from ["## Controllers", "", *rows_of(("`controller.kind`", "description"), rows)]
 
 
 def _scenario() -> Iterator[str]:
@@ -64,7 +64,7 @@ def _scenario() -> Iterator[str]:
         for field, said in schema["properties"].items():
             groups.setdefault(_having(name, field), []).append(_field(name, field, said, table))
         for kinds, rows in groups.items():
-            yield from [*textwrap.wrap(f"Of {', '.join(kinds)}:", 120), ""] if kinds else []
+            yield from [*textwrap.wrap(f"For {', '.join(kinds)}:", 120), ""] if kinds else []
             yield from rows_of(FIELDS, rows)
 
 
@@ -203,7 +203,7 @@ def _limits(said: dict[str, Any], default: Any) -> str:
 
 
 def _recorded() -> Iterator[str]:
-    yield from ["## What is recorded", "", "Of every run:", ""]
+    yield from ["## Recorded variables", "", "Every run:", ""]
     yield from rows_of(VARIABLES, map(_variable, LOOP_CHANNELS))
     groups: dict[tuple[str, tuple[Channel, ...]], list[str]] = {}
     for kind in KINDS:

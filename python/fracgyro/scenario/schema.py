@@ -155,7 +155,7 @@ class Plant(_Plant):
 
 def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: str = "N/m") -> None:
     least, zero = matrix.smallest_eigenvalue(), RANK_TOLERANCE * np.abs(matrix.entries()).max()
-    if not (least >= -zero if semi else least > zero):  # so worded, NaN fails too
+    if not (least >= -zero if semi else least > zero):  # in this form NaN fails, too
         wanted = "positive semidefinite" if semi else "positive definite"
         smallest = f"its smallest eigenvalue is {least:.6g} {unit}"
         raise message_error(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")

@@ -75,7 +75,7 @@ def spectrum(entry: Entry) -> list[tuple[float, float]]:
 
 
 def largest_force(scenario: Scenario) -> float:
-    """A bound of the disturbance on each axis, which noise exceeds practically never."""
+    """A bound of the disturbance on each axis, which noise practically never exceeds."""
     return sum((_largest(entry, scenario.run.step) for entry in scenario.disturbance.entries), 0.0)
 
 

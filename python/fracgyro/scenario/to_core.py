@@ -60,7 +60,7 @@ def core_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, 
 
 
 def device_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, float]:
-    """Every number that a moving rate and a real device add, in the same form."""
+    """Every number that a dynamic rate and a real device add, in the same form."""
     device = found.device if found else device_values(scenario)
     return core_values(DEVICE_NUMBERS, {"rate": rate_values(scenario), "device": device})
 
@@ -82,7 +82,7 @@ def guard(scenario: Scenario, found: Derived | None = None) -> Guard:
     """The guard with every field set: those left out follow from the rest of the scenario (EQUATIONS.md)."""
     found = found or derived(scenario)
     g, device, run = scenario.guard, found.device, scenario.run
-    # A^2/|omega| from one over the run up is A^2/pi ln(pi steps), and a little more where no logarithm is called.
+    # The density A^2/|omega| has the variance A^2/pi ln(pi steps) above 1/duration; this bounds it without a logarithm.
     flickered = math.sqrt((1.2 + 0.7 * run.steps.bit_length()) / math.pi)
 
     def sensed(quantity: str) -> float:
@@ -134,7 +134,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
 
 
 def _told(scenario: Scenario) -> bool:
-    """True if the controller, or the filter before it, takes the force that the code of a converter means."""
+    """True if the controller, or the filter before it, receives the force to which a converter rounds its request."""
     c = scenario.controller
     types, place = told_types(c.kind), 0
     if len(types) > 1 and c.adaptive:

@@ -57,7 +57,7 @@ _LARGE = re.compile(r"[0-9]{19}|\[ *\[ *\[")
 
 
 def _plain_tables(text: str) -> dict[str, Any] | None:
-    """The tables of a text with a head, an entry or a comment a line, in a fifth of tomllib's time; None for others."""
+    """The tables of a text with one head, entry or comment per line, in a fifth of tomllib's time; None for others."""
     if _CONTROL.search(text):
         return None
     tables: dict[str, dict[str, str]] = {"": {}}  # values as JSON; "": before the first head

@@ -50,7 +50,7 @@ def _listed(value: Any) -> Any:
 
 
 class Electrodes(Table):
-    """Electrodes between volts and forces: tables headed [[electrodes]], in SI units. None: forces as asked for."""
+    """Electrodes between volts and forces: tables headed [[electrodes]], in SI units. None: forces as requested."""
 
     each: Annotated[tuple[Electrode, ...], BeforeValidator(_listed)] = field(
         (), "The tables of the list. With any, plant.stiffness is that of the springs without voltages. None: off."

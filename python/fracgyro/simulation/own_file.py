@@ -25,7 +25,7 @@ class OwnFile:
 
     option: ClassVar[str]
     of_c: ClassVar[type]  # the kind made of a C function, a member of fracgyro.native
-    takes: ClassVar[str]  # a function of these arguments will do
+    takes: ClassVar[str]  # arguments of a function that is accepted instead
 
     text: str
     path: str
