@@ -32,7 +32,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "moving": {"center_rate": 30.0, "width_rate": 20.0, "nodes": 10},
     "all": {
         **{"basis": "membership", "normalized": True, "inner_loop": 0.4, "outer_loop": 0.3, "gate": 0.5},
-        **{"center_rate": 10.0, "width_rate": 5.0, "prediction_weight": 1.0},
+        **{"center_rate": 2.0, "width_rate": 0.5, "prediction_weight": 1.0},
     },
 }
 
