@@ -229,7 +229,7 @@ def _size_deviation(covariance: Array, first: int, n: int, through: Complex) -> 
         places = [first + 2 * n + i, first + 3 * n + i]
         along = np.array([each.real, each.imag]) / abs(each) if each else np.array([1.0, 1.0])
         found.append(float(along @ covariance[np.ix_(places, places)] @ along))
-    return np.sqrt(np.array(found))
+    return np.asarray(np.sqrt(found))
 
 
 def _lean(model: SweepModel, parameters: Array, others: Array, rest: Array, drives: Array) -> tuple[Array, Array]:
@@ -266,7 +266,7 @@ def sweep_tests(found: SweepFit) -> list[Test]:
         for i, axis in enumerate(response.axes):
             p = whiteness(found.fit.residuals[k][:, i])
             failed = p < REJECTED / channels
-            where = f"{axis}{drive} of {response.name}"
+            where = f"response {axis}{drive} of {response.name}"
             words = f"{where}: the residual is white (p = {p:.2g})"
             if failed:
                 words = (
