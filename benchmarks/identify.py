@@ -93,12 +93,12 @@ def main() -> None:
         print(lines[-1], flush=True)
     few = max(SEEDS // 3, 1)  # slow fits
     push, leak = 1e-2 * np.array([[1.0, 0.0], [0.0, 0.9]]), np.array([[0.02, 0.005], [0.003, 0.03]])
-    for name, device, samples in (
-        ("dual mass", bench.DUAL_MASS, 8192),
-        ("paper", bench.PAPER, 8192),
+    for name, device, samples, count in (
+        ("dual mass", bench.DUAL_MASS, 8192, SEEDS),
+        ("paper", bench.PAPER, 8192, few),
     ):
         errors, squares, alarms, used = [], [], 0, 0.0
-        for seed in range(few // 2 or 1):
+        for seed in range(count):
             segment = of_arrays(device.forced(samples, 9.0, push, leak, 1e-3, seed))
             begun = time.process_time()
             found = fit_segments([segment])

@@ -107,5 +107,11 @@ def row_of(quantity: Quantity) -> dict[str, str]:
     half = quantity.half
     digits = 4 if not half > 0 or quantity.value == 0 else math.ceil(math.log10(max(abs(quantity.value) / half, 1))) + 2
     digits = min(digits, 15)
-    low, high = (f"{each:.{digits}g}" for each in quantity.interval)
-    return row | {"value": f"{quantity.value:.{digits}g}", "interval": f"{low} to {high}", "kind": kind}
+    low, high = (_plain(each, digits) for each in quantity.interval)
+    return row | {"value": _plain(quantity.value, digits), "interval": f"{low} to {high}", "kind": kind}
+
+
+def _plain(value: float, digits: int) -> str:
+    """The value in so many digits, without an exponent below a million."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e" in text and 1 <= abs(value) < 1e6 else text

@@ -103,7 +103,7 @@ def fit_sweep(response: Response) -> SweepFit:
             least = 1e-14 * np.abs(values).max()
             problem = replace(problem, noise=np.maximum(problem.noise * spread, least))
     widened = _correlated(_residuals(problem, parameters))
-    if widened > 1:  # knowledge of delay and feedthrough counts as much more
+    if widened > 1:  # what is known of delay and feedthrough counts as much more
         problem = replace(problem, noise=widened * problem.noise)
         parameters, squares = searched(problem, parameters, MAX_STEPS)
     return _result(problem, response, order, parameters, widened**2 * squares, free, widened)
@@ -130,7 +130,7 @@ def _complex(rest: Array, shape: Shape, bins: int) -> Complex:
 
 
 def _residuals(model: SweepModel, parameters: Array) -> tuple[Complex, ...]:
-    """Residual of the fit over the noise, for each drive: (frequencies, axes)."""
+    """What the fit leaves over the noise, for each drive: (frequencies, axes)."""
     rest = _complex(model.evaluate(parameters)[0], model.shape, len(model.w))
     return tuple(rest[:, :, drive] for drive in range(model.shape.drives))
 
@@ -228,8 +228,8 @@ def _size_deviation(covariance: Array, first: int, n: int, through: Complex) -> 
     for i, each in enumerate(through):
         places = [first + 2 * n + i, first + 3 * n + i]
         along = np.array([each.real, each.imag]) / abs(each) if each else np.array([1.0, 1.0])
-        found.append(math.sqrt(along @ covariance[np.ix_(places, places)] @ along))
-    return np.array(found)
+        found.append(float(along @ covariance[np.ix_(places, places)] @ along))
+    return np.asarray(np.sqrt(found))
 
 
 def _lean(model: SweepModel, parameters: Array, others: Array, rest: Array, drives: Array) -> tuple[Array, Array]:
@@ -266,7 +266,7 @@ def sweep_tests(found: SweepFit) -> list[Test]:
         for i, axis in enumerate(response.axes):
             p = whiteness(found.fit.residuals[k][:, i])
             failed = p < REJECTED / channels
-            where = f"{axis}{drive} of {response.name}"
+            where = f"response {axis}{drive} of {response.name}"
             words = f"{where}: the residual is white (p = {p:.2g})"
             if failed:
                 words = (
