@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import tomllib
 from importlib.metadata import version as version_of
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -60,6 +61,7 @@ sphinx_gallery_conf = {
     "copyfile_regex": "",
     "image_scrapers": ("matplotlib",),
     "min_reported_time": 1e9,
+    "parallel": find_spec("joblib") is not None,  # as many scripts at a time as -j states
     "reset_modules": ("matplotlib",),
     "show_memory": False,
     "show_signature": False,

@@ -48,7 +48,7 @@ def parameters(kind: str) -> Iterator[tuple[str, ...]]:
         symbol = SYMBOL.match(meaning)
         rest = meaning[symbol.end() :].removeprefix(",").lstrip(" :") if symbol else meaning
         rest = CLAUSES.sub("", rest, count=1) if CLAUSES.match(rest) else rest
-        allowed = limits if unit == "–" else f"{limits}, in {_formula(unit)}"
+        allowed = limits if unit == "–" else f"{limits}, in {', '.join(map(_formula, unit.split(', ')))}"
         yield name, allowed, default, (f"{_formula(symbol[1])}: " if symbol else "") + _greek(rest)
 
 

@@ -430,6 +430,7 @@ def test_a_worker_killed_inside_a_block_costs_nothing(whole: Path, tmp_path: Pat
 
 def test_the_summary_needs_nothing_but_itself(small: Path) -> None:
     page = (small / "out" / "summary.html").read_text(encoding="utf-8")
+    assert page.index("<figure") < page.index("<table")
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert all(source.startswith(("data:image/svg+xml;base64,", "data:text/csv", "#")) for source in sources)
     assert all(f'id="{source[1:]}"' in page for source in sources if source.startswith("#"))

@@ -161,6 +161,7 @@ def test_no_feasible_trial_beats_a_member_of_the_front(out: Path) -> None:
 
 def test_the_report_needs_nothing_but_itself_and_says_the_hold_out(out: Path) -> None:
     page = (out / "tune.html").read_text(encoding="utf-8")
+    assert page.index("<figure") < page.index("<table")
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert [s for s in sources if not s.startswith(("data:", "#"))] == []
     assert all(f'id="{s[1:]}"' in page for s in sources if s.startswith("#"))

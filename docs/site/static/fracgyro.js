@@ -1,6 +1,6 @@
-// Long names in tables break after a dot or an underscore.
+// Long names in tables break after a dot, a slash or an underscore.
 for (const each of document.querySelectorAll("td code .pre, th code .pre")) {
-  const parts = each.textContent.split(/(?<=[._])(?=\w)/);
+  const parts = each.textContent.split(/(?<=[._/])(?=\w)/);
   each.replaceChildren(...parts.flatMap((part) => [part, document.createElement("wbr")]).slice(0, -1));
 }
 // Make scrolling elements scrollable with a keyboard, too.
