@@ -169,7 +169,7 @@ def test_axes_of_the_damping_that_turn_give_bias_hysteresis_and_warm_up() -> Non
 
 
 def test_the_warm_up_time_of_a_bias_that_is_not_linear_is_that_of_its_course() -> None:
-    """T²: what is left of the change, 1 - (1 - e)², is a tenth at e = 1 - sqrt(0.9)."""
+    """T²: the rest of the change, 1 - (1 - e)², is a tenth at e = 1 - sqrt(0.9)."""
     found = thermal.warm_up_time(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 4.0]), 10.0)
     assert found == pytest.approx(-10.0 * math.log(1 - math.sqrt(0.9)), rel=1e-3)
 

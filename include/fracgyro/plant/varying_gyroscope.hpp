@@ -2,7 +2,8 @@
 //
 //        q̈ + ((1 + η(t)) (D + ΔD) + T(t) D' + 2Ω(t)) q̇ + ((1 + ε(t)) (K + ΔK) + T(t) K') q + κ q³ = u + d
 //
-//    κ q³ = [κx x³, κy y³] plus the forces of CubicCoupling; T is the change of temperature, K' and D' that of the matrices per kelvin.
+//    κ q³ = [κx x³, κy y³] plus the forces of CubicCoupling; T is the change of temperature, K' and D' that of the
+//    matrices per kelvin.
 //
 //    With x = [q, q̇] and the A of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step uses Lawson's
 //    method of fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",

@@ -112,6 +112,6 @@ def row_of(quantity: Quantity) -> dict[str, str]:
 
 
 def _plain(value: float, digits: int) -> str:
-    """The value in so many digits, without an exponent below a million."""
+    """The value with this number of digits, without an exponent below a million."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e" in text and 1 <= abs(value) < 1e6 else text

@@ -103,7 +103,7 @@ def fit_sweep(response: Response) -> SweepFit:
             least = 1e-14 * np.abs(values).max()
             problem = replace(problem, noise=np.maximum(problem.noise * spread, least))
     widened = _correlated(_residuals(problem, parameters))
-    if widened > 1:  # what is known of delay and feedthrough counts as much more
+    if widened > 1:  # knowledge of delay and feedthrough counts as much more
         problem = replace(problem, noise=widened * problem.noise)
         parameters, squares = searched(problem, parameters, MAX_STEPS)
     return _result(problem, response, order, parameters, widened**2 * squares, free, widened)
@@ -130,7 +130,7 @@ def _complex(rest: Array, shape: Shape, bins: int) -> Complex:
 
 
 def _residuals(model: SweepModel, parameters: Array) -> tuple[Complex, ...]:
-    """What the fit leaves over the noise, for each drive: (frequencies, axes)."""
+    """Residual of the fit over the noise, for each drive: (frequencies, axes)."""
     rest = _complex(model.evaluate(parameters)[0], model.shape, len(model.w))
     return tuple(rest[:, :, drive] for drive in range(model.shape.drives))
 

@@ -1,6 +1,6 @@
 """Procedures of IEEE Std 1431, part II, beyond those of `runs.py`: their rows and all their points.
 
-A procedure whose effect the scenario lacks gives a row that says so, never a zero.
+A procedure whose effect the scenario lacks gives a row with a note, never a zero.
 """
 
 from __future__ import annotations
@@ -279,7 +279,7 @@ def run_down_time(time: Array, energy: Array) -> float:
     return -2 / slope if slope < 0 else math.nan
 
 
-# Clauses whose effects no scenario can have yet: clause, key, name, what is to be varied, unit.
+# Clauses whose effects no scenario can have yet: clause, key, name, quantity to vary, unit.
 ABSENT: Sequence[tuple[str, str, str, str, str]] = (
     ("12.11", "g_sensitivity", "Bias by acceleration", "±1 g along each axis", "deg/h/g"),
     ("12.11", "g_squared", "Bias by acceleration, second order", "±1 g along each axis", "deg/h/g²"),

@@ -23,7 +23,7 @@ from .units import DEG_PER_H, PPM
 Array = NDArray[np.float64]
 
 TEMPERATURES = np.array([-40.0, -20.0, 0.0, 20.0, 40.0])  # K
-ORDER = 3  # of the polynomial over the temperature
+ORDER = 3  # degree of the polynomial over the temperature
 SETTLED = 0.1  # share of the change of a warm-up that may be left
 DRIFTS = ("stiffness_drift", "frequency_temperature_coefficient", "damping_drift", *MATRIX_DRIFTS, *GAIN_DRIFTS)
 
