@@ -166,7 +166,7 @@ def test_the_whiteness_of_few_bins_raises_no_more_alarms_than_it_states(bins: in
     rows = generator.normal(size=(8000, bins)) + 1j * generator.normal(size=(8000, bins))
     found = np.array([whiteness(row) for row in rows])
     assert 0.0066 < np.mean(found < 0.01) < 0.0134  # three deviations of 0.0011
-    # 20 expected; as a chi^2 scaled only to the variance 27, 44 and 40.
+    # 20 expected; as a chi^2 that is only scaled to the variance about 29, 44 and 40.
     assert 8 < np.count_nonzero(found < 0.0025) < 34
 
 
