@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from click.testing import CliRunner
 from fracgyro.cli import cli
 from fracgyro.rate import procedures, thermal
 from fracgyro.rate.datasheet import TITLES
-from fracgyro.rate.in_volts import angle_figures, slopes, volts_figures
+from fracgyro.rate.in_volts import angle_drift, angle_figures, slopes, volts_figures
+from fracgyro.rate.plots import angle_chart
 from fracgyro.rate.procedures import MISSING, Sheet
 from fracgyro.rate.runs import RATES
 from fracgyro.rate.sensor import Sensor
@@ -99,16 +101,26 @@ def test_the_bound_of_each_noise_is_below_that_of_all() -> None:
 
 
 def test_a_device_without_volts_has_none_of_these() -> None:
-    assert volts_figures(sensor({})) == angle_figures(sensor({})) == []
+    assert volts_figures(sensor({})) == angle_figures(angle_drift(sensor({}))) == []
 
 
 def test_whole_angle_states_its_drift_against_the_angle_and_its_gain() -> None:
-    """p = half the difference of the rates of decay, 162 deg/h; the quadrature loop takes 2 (split/bandwidth)²."""
+    """p = half the difference of the rates of decay, 162 deg/h at .3 rad; the quadrature loop takes 200 ppm."""
     made = fg.Scenario.load(ROOT / "examples/scenarios/disc_whole_angle.toml")
-    drift, gain = angle_figures(Sensor.of(made, 1))
+    found = angle_drift(Sensor.of(made, 1))
+    drift, gain = angle_figures(found)
     assert drift.value == pytest.approx(162.0, rel=0.1)
+    axis = re.match(r"ϑτ = (\S+) deg", drift.note)
+    assert axis is not None
+    assert math.radians(float(axis[1])) == pytest.approx(0.3, abs=0.02)
     assert gain.value == pytest.approx(1 - 200e-6, abs=2e-6)
     assert "are not separated" not in drift.note
+    assert found is not None
+    rows = list(csv.reader(angle_chart(found).data.splitlines()))
+    assert len(rows) == 61
+    measured, fitted = np.array(rows[1:], dtype=float).T[1:]
+    assert np.polyfit(fitted, measured, 1)[0] == pytest.approx(1.0, abs=0.1)
+    assert np.ptp(fitted) == pytest.approx(2 * drift.value, rel=0.01)
 
 
 # -- Procedures --------------------------------------------------------------------------------------------------------

@@ -15,8 +15,9 @@ from fracgyro.export.fmu import fmu
 from fracgyro.export.settings import without_plant
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.device_core import device_values, sensor_variance
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.to_core import core_numbers, datasheet
-from fracgyro.scenario.volts_core import at_bias, plant_at_bias
+from fracgyro.scenario.volts_core import at_bias, has_volts, plant_at_bias
 from scipy.integrate import solve_ivp
 
 EPSILON = 8.8541878128e-12
@@ -134,6 +135,13 @@ def test_estimates_start_from_the_stiffness_at_bias() -> None:
     known = core_numbers(made)["adaptation.initial_stiffness.yy"]
     ratio, scale = made.adaptation.initial_ratio, made.plant.scales.stiffness
     assert known == pytest.approx(ratio * (made.plant.stiffness.yy - softer) / scale, rel=1e-12)
+
+
+def test_an_exactly_sensed_device_has_its_springs_at_bias_and_no_volts() -> None:
+    exact, shipped = exactly_sensed("dual_mass_volts"), fg.Scenario.shipped("dual_mass_volts")
+    assert not has_volts(exact)
+    assert exact.plant.stiffness == plant_at_bias(shipped).stiffness
+    assert (exact.device.sensing, exact.adaptation.kind) == ("full", "composite")
 
 
 def test_what_is_told_is_the_nominal_device() -> None:

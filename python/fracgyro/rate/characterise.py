@@ -19,7 +19,7 @@ from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from .imu import FILES, Imu, imu_file, of_simulation
-from .in_volts import angle_figures, volts_figures
+from .in_volts import angle_drift, angle_figures, volts_figures
 from .measure import Characterization, measure
 from .report import write_report
 from .results import Result, results
@@ -72,12 +72,13 @@ def characterise(
         sensor = Sensor.of(scenario, 2 if quick else 8, controller)
         runs = run_all(sensor, rest=rest, progress=progress)
         measured = measure(sensor, runs, rest=rest)
-        figures = [*results(measured), *volts_figures(sensor), *angle_figures(sensor)]
+        drift = angle_drift(sensor)
+        figures = [*results(measured), *volts_figures(sensor), *angle_figures(drift)]
         _write_json(folder / "rate.json", measured, figures)
         if imu is not None:
             name, words = imu_file(imu, [of_simulation(measured)])
             (folder / name).write_text(words, encoding="utf-8")
-        write_report(folder / "report.html", measured, figures)
+        write_report(folder / "report.html", measured, figures, drift)
     return figures
 
 

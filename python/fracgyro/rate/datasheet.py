@@ -14,7 +14,7 @@ from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from . import plots
-from .in_volts import angle_figures, volts_figures
+from .in_volts import AngleDrift, angle_drift, angle_figures, volts_figures
 from .measure import Characterization, measure
 from .procedures import (
     CYCLES,
@@ -99,10 +99,10 @@ def datasheet(
             procedure()
         show(len(own), len(own) + 1, "electrodes")
         absent(sheet)
-        sheet.rows += _of_results(results(measured), sensor)
+        drift = angle_drift(sensor)
+        rows = clauses([*_of_results(results(measured), sensor, drift), *sheet.rows])
         show(1, 1, "writing")
-        rows = clauses(sheet.rows)
-        _write(folder, measured, rows, sheet)
+        _write(folder, measured, rows, sheet, drift)
     return rows
 
 
@@ -116,7 +116,7 @@ def _steps(sheet: Sheet, sensor: Sensor, quick: bool) -> Iterator[tuple[str, Cal
     yield "run-down", lambda: undriven(sheet, sensor.scenario)
 
 
-def _of_results(found: list[Result], sensor: Sensor) -> list[Row]:
+def _of_results(found: list[Result], sensor: Sensor, drift: AngleDrift | None) -> list[Row]:
     """Figures of `fracgyro rate` as rows; those of volts that the scenario lacks as missing."""
     rows = [_row(*OF_RATE[each.key], each) for each in found]
     volts = volts_figures(sensor)
@@ -133,7 +133,7 @@ def _of_results(found: list[Result], sensor: Sensor) -> list[Row]:
     if not any(each.key.startswith("readout") for each in volts):
         note = f"{MISSING}: [electronics] without noise, or no [[electrodes]] of role pickoff"
         rows.append(Row(DRIFT, "readout", "Readout noise", "none: from the electrodes", "m/sqrt(Hz)", note=note))
-    angle = angle_figures(sensor)
+    angle = angle_figures(drift)
     rows += [_row(DRIFT, "the angle of the line, by a rate of 300 deg/s", each) for each in angle]
     if not angle:
         note = f"{MISSING}: controller.kind is not whole_angle"
@@ -154,7 +154,7 @@ def _row(clause: str, varied: str, figure: Result) -> Row:
     return Row(clause, figure.key, figure.name, varied, figure.unit, figure.value, figure.low, figure.high, figure.note)
 
 
-def _write(folder: Path, measured: Characterization, rows: list[Row], sheet: Sheet) -> None:
+def _write(folder: Path, measured: Characterization, rows: list[Row], sheet: Sheet, drift: AngleDrift | None) -> None:
     scenario = measured.scenario.to_toml()
     content: dict[str, object] = {"scenario": scenario}
     if measured.controller is not None:
@@ -181,6 +181,7 @@ def _write(folder: Path, measured: Characterization, rows: list[Row], sheet: She
         start=plots.turn_on_chart(measured),
         response=plots.response_chart(measured),
         temperature=plots.temperature_chart(sheet.points),
+        angle=plots.angle_chart(drift) if drift else None,
     )
     (folder / "datasheet.html").write_text(html, encoding="utf-8", newline="\n")
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..analysis.confidence import mean_interval
 from ..scenario import Scenario
@@ -16,6 +17,8 @@ from .results import Result
 from .runs import RANGE
 from .sensor import Sensor
 from .units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S
+
+Array = NDArray[np.float64]
 
 ATTO = 1e18
 # Fields of [electronics] that make noise: each off, and the name of the noise.
@@ -156,36 +159,55 @@ def _biases(sensor: Sensor) -> list[Result]:
     return found
 
 
-def angle_figures(sensor: Sensor) -> list[Result]:
-    """Drift against the angle, and the angle gain, of a whole-angle gyroscope; none of other controllers.
+@dataclass(frozen=True)
+class AngleDrift:
+    """Rate of a whole-angle gyroscope at 300 deg/s over the angle of its line, and its fit.
 
-    The rate less its mean at 300 deg/s, fitted with cosine and sine of twice the angle of the line of vibration.
+    rate = mean + cosine cos 2 angle + sine sin 2 angle, rad and rad/s.
     """
-    scenario = sensor.scenario
-    if scenario.controller.kind != "whole_angle" or sensor.controller is not None:
-        return []
+
+    angle: Array
+    rate: Array
+    mean: float
+    cosine: float
+    sine: float
+
+    def fitted(self, angle: Array) -> Array:
+        """The fit at these angles."""
+        return np.asarray(self.mean + self.cosine * np.cos(2 * angle) + self.sine * np.sin(2 * angle))
+
+
+def angle_drift(sensor: Sensor) -> AngleDrift | None:
+    """The drift against the angle, from a run of one seed; None with other controllers."""
+    if sensor.scenario.controller.kind != "whole_angle" or sensor.controller is not None:
+        return None
     angle, rate = sensor.angle_and_rate(RANGE)
     columns = np.stack([np.ones_like(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
-    mean, cosine, sine = np.linalg.lstsq(columns, rate, rcond=None)[0]
-    turned = abs(float(angle[-1] - angle[0])) / math.pi
+    return AngleDrift(angle, rate, *map(float, np.linalg.lstsq(columns, rate, rcond=None)[0]))
+
+
+def angle_figures(found: AngleDrift | None) -> list[Result]:
+    """Drift against the angle, and the gain of the rate; none without such a drift."""
+    if found is None:
+        return []
+    turned = abs(float(found.angle[-1] - found.angle[0])) / math.pi
     few = "" if turned >= 1.0 else f"the line turned by {turned:.2g} half turns only: parts of it are not separated"
-    drift = math.hypot(float(cosine), float(sine))
-    phase = 0.5 * math.degrees(math.atan2(-float(cosine), float(sine)))
+    phase = 0.5 * math.atan2(found.cosine, -found.sine)
     return [
         Result(
             "angle_drift",
             "Drift against the angle",
             "amplitude p of −p sin 2(ϑ − ϑτ) in the rate at 300 deg/s, ϑ the angle of the line of vibration",
             DEG_PER_H.name,
-            DEG_PER_H.of(drift),
-            note="; ".join(filter(None, (f"ϑτ = {phase:.4g} deg or 90 deg from it", few))),
+            DEG_PER_H.of(math.hypot(found.cosine, found.sine)),
+            note="; ".join(filter(None, (f"ϑτ = {math.degrees(phase):.4g} deg", few))),
         ),
         Result(
             "rate_gain",
             "Gain of the rate",
             "mean rate over 300 deg/s, without that drift",
             "1",
-            float(mean) / RANGE,
-            note=few or f"{DEG_PER_S.of(float(mean)):.6g} deg/s",
+            found.mean / RANGE,
+            note=few or f"{DEG_PER_S.of(found.mean):.6g} deg/s",
         ),
     ]

@@ -14,6 +14,7 @@ from ..analysis.html import csv_text, embedded
 from ..analysis.style import COLORS, MM, WIDTH, legend_outside, one_panel, own_style, plain
 from .allan import FLOOR, Allan
 from .bound import Bound
+from .in_volts import AngleDrift
 from .inspection import Event
 from .measure import Characterization
 from .procedures import Point
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 LEFT_OUT = "left out of the fit"
 SPANS = 1000  # intervals of a record in a plot
 TURN_ON_TIMES = 5.0  # length of the turn-on plot, in turn-on times
+BINS = 60  # of the angle of a line of vibration
 LOGARITHMIC_FROM = 10.0  # largest turn-on output over the range, above which the scale is logarithmic
 
 
@@ -199,6 +201,28 @@ def response_chart(m: Characterization) -> Chart:
             plain(panel)
         source = embedded(figure, "Gain and phase lag over frequency")
     columns = {"frequency of the rate (Hz)": m.response.frequency, "gain (dB)": decibels, "phase lag (deg)": degrees}
+    return Chart(source, _data(columns))
+
+
+def angle_chart(found: AngleDrift) -> Chart:
+    """Rate less its mean over the angle of the line of vibration, in bins of half a turn, with its fit."""
+    within = np.mod(found.angle, math.pi)
+    middles = (np.arange(BINS) + 0.5) * math.pi / BINS
+    place = np.minimum((within * BINS / math.pi).astype(int), BINS - 1)
+    counts = np.bincount(place, minlength=BINS)
+    sums = np.bincount(place, weights=found.rate - found.mean, minlength=BINS)
+    seen = counts > 0
+    unit, angles = DEG_PER_H.per_si, np.degrees(middles[seen])
+    measured, fitted = unit * sums[seen] / counts[seen], unit * (found.fitted(middles[seen]) - found.mean)
+    with own_style():
+        figure, panel = one_panel(62)
+        panel.plot(angles, measured, color=COLORS[0], linestyle="", marker="o", markersize=3, label="mean of a bin")
+        panel.plot(angles, fitted, color="black", linewidth=0.9, label="fit")
+        panel.set_xlabel("angle of the line (deg)")
+        panel.set_ylabel("rate less its mean (deg/h)")
+        legend_outside(panel)
+        source = embedded(figure, "Rate over the angle of the line of vibration")
+    columns = {"angle of the line (deg)": angles, "rate less its mean (deg/h)": measured, "fit (deg/h)": fitted}
     return Chart(source, _data(columns))
 
 

@@ -10,12 +10,13 @@ from ..analysis.html import page
 from ..simulation.user_controller import controller_words
 from . import plots
 from .grades import GRADES
+from .in_volts import AngleDrift
 from .measure import Characterization
 from .results import Result, short
 
 
-def write_report(path: Path, measured: Characterization, found: list[Result]) -> None:
-    """Writes the report of `measured` with the figures `found` to `path`."""
+def write_report(path: Path, measured: Characterization, found: list[Result], drift: AngleDrift | None = None) -> None:
+    """Writes the report of `measured` with the figures `found` to `path`; `drift`: of a whole-angle gyroscope."""
     rest = measured.rest
     text = page(
         "fracgyro.rate",
@@ -33,6 +34,7 @@ def write_report(path: Path, measured: Characterization, found: list[Result]) ->
         ladder=plots.ladder_chart(measured),
         start=plots.turn_on_chart(measured),
         response=plots.response_chart(measured),
+        angle=plots.angle_chart(drift) if drift else None,
     )
     path.write_text(text, encoding="utf-8", newline="\n")
 

@@ -9,6 +9,7 @@ from .messages import ScenarioError, did_you_mean
 from .scenario import Scenario
 from .shipped import NAMES
 from .table import format_value
+from .volts_core import has_volts, plant_at_bias
 
 
 def named(given: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> Scenario:
@@ -35,9 +36,14 @@ def is_name(given: str) -> bool:
 def exactly_sensed(name: str) -> Scenario:
     """A shipped scenario with position and velocity known exactly, as the laws suppose, and composite adaptation.
 
-    Those without sensing noise are as shipped. Raises ScenarioError for an unknown name.
+    Those without sensing noise are as shipped; those in volts have the springs at bias, and forces as asked for. Raises
+    ScenarioError for an unknown name.
     """
     scenario = Scenario.shipped(name)
+    if has_volts(scenario):
+        springs = dict(plant_at_bias(scenario).stiffness)
+        exact = {"device.sensing": "full", "adaptation.kind": "composite", "plant.stiffness": springs}
+        return scenario.replace({**exact, "electrodes": [], "electronics": {}})
     if scenario.adaptation.kind != "joint":
         return scenario
     exact = {"device.sensing": "full", "device.position_noise_density": 0.0}
