@@ -48,8 +48,8 @@ def main() -> None:
             f"Machine: {machine('sphinx', 'furo', 'sphinx-gallery')}; load average {busy:.1f} before, on "
             f"{os.cpu_count()} processors.",
             "",
-            f"Time: {took:.0f} s, of which processor time of all processes {processor:.0f} s. The mark of "
-            f"{SECONDS_MARK} s is {'kept' if took <= SECONDS_MARK else 'missed'}.",
+            f"Time: {took:.0f} s; processor time of all processes {processor:.0f} s. The mark of {SECONDS_MARK} s is "
+            f"{'kept' if took <= SECONDS_MARK else 'missed'}.",
             "",
             f"Size: {sizes.total() / 1e6:.1f} MB in {files.total()} files. The mark of {BYTES_MARK / 1e6:.0f} MB is "
             f"{'kept' if sizes.total() <= BYTES_MARK else 'missed'}.",

@@ -1,4 +1,4 @@
-"""A smaller site that is built faster: one sidebar for all pages that are not in it, pictures with few colors."""
+"""A site that is built faster and is smaller: one sidebar for the pages that are not in it, plots with few colors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from PIL import Image
 from sphinx.application import Sphinx
 
-COLORS = 96  # enough for a plot: its curves and letters with their edges
+COLORS = 96  # curves and letters of a plot, with their edges
 
 _sidebars: dict[tuple[Any, ...], str] = {}
 

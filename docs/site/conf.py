@@ -61,7 +61,7 @@ sphinx_gallery_conf = {
     "copyfile_regex": "",
     "image_scrapers": ("matplotlib",),
     "min_reported_time": 1e9,
-    "parallel": find_spec("joblib") is not None,  # runs several scripts at a time, the number of -j
+    "parallel": find_spec("joblib") is not None,  # the number of scripts at a time is that of -j
     "reset_modules": ("matplotlib",),
     "show_memory": False,
     "show_signature": False,
