@@ -376,9 +376,9 @@ def printed_at_bias(name: str) -> dict[str, list[float]]:
 def test_at_bias_prints_the_closed_forms_of_the_dual_mass_device() -> None:
     """Each number from the published dimensions, DEVICE.md's table of electrodes written out again."""
     found, omega = printed_at_bias("dual_mass_volts"), (math.tau * 3925.29, math.tau * 3978.45)
-    drive = 4 * 404700 * EPSILON * 6e-5 * 5.0 / 1e-3  # N/V, of combs: 4 N eps t V/g
-    push = 2 * 58 * EPSILON * 1.078481e-8 * 5.0 / 4e-6**2  # of pairs of plates: 2 N eps a V/g^2
-    comb, plate = 2 * 67667 * EPSILON * 6e-5 / 1e-3, 100 * EPSILON * 1.0571e-8 / 4e-6  # F/m, F: of one side
+    drive = 4 * 404700 * EPSILON * 6e-5 * 5.0 / 1e-3  # N/V, combs: 4 N eps t V/g
+    push = 2 * 58 * EPSILON * 1.078481e-8 * 5.0 / 4e-6**2  # pairs of plates: 2 N eps a V/g^2
+    comb, plate = 2 * 67667 * EPSILON * 6e-5 / 1e-3, 100 * EPSILON * 1.0571e-8 / 4e-6  # F/m, F: one side
     charges = [2 * comb * 5.0, 2 * plate / 4e-6 * 5.0]
     assert found["frequencies x, y"] == pytest.approx([3925.29, 3978.45], rel=1e-8)
     assert found["charge of the pick-offs"] == pytest.approx(charges, rel=1e-5)
@@ -397,7 +397,7 @@ def test_at_bias_prints_the_published_pull_in_and_the_softening() -> None:
     found = printed_at_bias("dual_mass_volts")
     pickoff, force = 2 * EPSILON * 100 * 1.0571e-8 * 25, 2 * EPSILON * 58 * 1.078481e-8 * 25
     combs = 4 * EPSILON * 30 * 6e-5 * 1e-5 / 5e-6**3 * (1 + 2.5**-3) * (5.0**2 + 5.0**2)  # four groups at V_0 +- v
-    walls = 4 * EPSILON * (404700 + 67667) * 6e-5 * 2e-5 * 25 / 1e-3**3  # of the combs of x, across their fingers
+    walls = 4 * EPSILON * (404700 + 67667) * 6e-5 * 2e-5 * 25 / 1e-3**3  # combs of x, across their fingers
     assert found["softening xx, yy"][1] == pytest.approx((pickoff + force) / 4e-6**3 + combs + walls, rel=1e-5)
     # sqrt(k g^3/(2 eps A)), with k_yy at bias: 44.5232 V.
     volts = math.sqrt(1.42e-6 * (math.tau * 3978.45) ** 2 * 4e-6**3 / (2 * EPSILON * 150 * 1.078481e-8))

@@ -1,6 +1,6 @@
 """Procedures of IEEE Std 1431, part II, beyond those of `runs.py`: their rows and all their points.
 
-A procedure whose effect the scenario lacks gives a row that says so, never a zero.
+A procedure whose effect the scenario lacks gives a row without a value, never a zero.
 """
 
 from __future__ import annotations
@@ -39,19 +39,17 @@ PER_PERIOD = 8  # least samples of it in a period
 class Row:
     """One row of the datasheet: numbers in `unit`, NaN with a reason in `note` if there is none.
 
-    >>> short = fg.Scenario.paper().replace({"run.duration": 4.0})
-    >>> rows = fg.datasheet(short, "sheet", quick=True, rest=0.01)
-    >>> rows[0].clause, rows[0].name
-    ('12.5', 'Turn-on time')
+    >>> fg.rate.Row("12.7", "polarity", "Polarity", "rates about z", "1", 1.0).plain()["clause"]
+    '12.7'
     """
 
-    clause: str  #: of IEEE Std 1431
+    clause: str  #: number of a clause of IEEE Std 1431
     key: str
     name: str
-    varied: str  #: what was varied, or applied
+    varied: str  #: quantities that were varied, or applied
     unit: str
     value: float = math.nan
-    low: float = math.nan  #: of the 95 % interval
+    low: float = math.nan  #: end of the 95 % interval
     high: float = math.nan
     note: str = ""
 
@@ -320,7 +318,7 @@ def run_down_time(time: Array, energy: Array) -> float:
     return -2 / slope if slope < 0 else math.nan
 
 
-# Clauses whose effects no scenario can have yet: clause, key, name, what is to be varied, unit.
+# Clauses whose effects no scenario can have yet: clause, key, name, quantities to be varied, unit.
 ABSENT: Sequence[tuple[str, str, str, str, str]] = (
     ("12.6", "warm_up", "Warm-up time", "power of the die: time until bias and scale factor are within limits", "s"),
     ("12.11", "g_sensitivity", "Bias by acceleration", "±1 g along each axis", "deg/h/g"),
@@ -338,7 +336,7 @@ def absent(sheet: Sheet) -> None:
 
 
 def steps(sheet: Sheet, sensor: Sensor, quick: bool) -> Iterator[tuple[str, Callable[[], object]]]:
-    """The procedures with runs of their own: what is being measured, and the procedure."""
+    """The procedures with runs of their own: the measurement in words, and the procedure."""
     few = sensor.first(2)
     yield "temperature", lambda: temperature(sheet, few)
     yield "power cycles", lambda: power_cycles(sheet, sensor, FEW_CYCLES if quick else CYCLES)
@@ -355,7 +353,7 @@ def clauses(rows: Sequence[Row]) -> list[Row]:
     return sorted(rows, key=place)
 
 
-OF_RATE: Mapping[str, tuple[str, str]] = {  # clause, and what was varied, of a figure of `fracgyro rate`
+OF_RATE: Mapping[str, tuple[str, str]] = {  # clause, and quantities varied, of a figure of `fracgyro rate`
     "turn_on_time": ("12.5", "start at 300 deg/s from an estimate of 0"),
     "scale_factor_error": ("12.9", "rates about z from −300 to 300 deg/s"),
     "nonlinearity": ("12.9", "rates about z from −300 to 300 deg/s"),

@@ -27,7 +27,7 @@ OUTPUTS = 2_000  # sensor outputs per run.duration
 CLIPPED = 0.01  # share of samples at a limit, above which a device is too weak for a rate
 MIN_OUTPUTS = 20  # for an Allan deviation
 REST_STEPS = 4_000_000
-HALF_TURNS = 1.1  # of a line of vibration, in the steady half of a run
+HALF_TURNS = 1.1  # least way of a line of vibration in the steady half of a run
 SHORT_REST_STEPS = 1_000_000  # for a controller that may diverge eventually
 
 
