@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 MISSING = "not in the scenario"
 TEMPERATURES = np.array([-40.0, -20.0, 0.0, 20.0, 40.0])  # K
-ORDER = 3  # of the polynomial over the temperature
+ORDER = 3  # order of the polynomial over the temperature
 CYCLES, FEW_CYCLES = 16, 6  # power cycles
 FREE_RATE = DEG_PER_S.to_si(100.0)  # at which an undriven pattern turns
 MAX_SPLIT = 0.25  # split over that rate, up to which the pattern turns
