@@ -155,7 +155,7 @@ def test_the_documentation_site_has_its_page(monkeypatch: pytest.MonkeyPatch) ->
         "# PD with feedforward\n\nA spring and a damper hold each axis on the reference. Use it when"
     )
     assert r"- k_{p} e - k_{d} \dot{e}" in text
-    kp = "| `controller.kp` | {math}`ω_{0}^{2}` | > 0 | `10000.0` | spring on the error. |"
+    kp = "| `controller.kp` | > 0, in {math}`ω_{0}^{2}` | `10000.0` | spring on the error. |"
     assert kp in text
     assert len(pictures) == 2
     assert "| [`pd`](../controllers/pd.md) | spring and damper | no |" in overview()

@@ -378,7 +378,7 @@ def test_at_bias_prints_the_closed_forms_of_the_dual_mass_device() -> None:
     found, omega = printed_at_bias("dual_mass_volts"), (math.tau * 3925.29, math.tau * 3978.45)
     drive = 4 * 404700 * EPSILON * 6e-5 * 5.0 / 1e-3  # N/V, combs: 4 N eps t V/g
     push = 2 * 58 * EPSILON * 1.078481e-8 * 5.0 / 4e-6**2  # pairs of plates: 2 N eps a V/g^2
-    comb, plate = 2 * 67667 * EPSILON * 6e-5 / 1e-3, 100 * EPSILON * 1.0571e-8 / 4e-6  # F/m, F: of one side
+    comb, plate = 2 * 67667 * EPSILON * 6e-5 / 1e-3, 100 * EPSILON * 1.0571e-8 / 4e-6  # F/m, F: one side
     charges = [2 * comb * 5.0, 2 * plate / 4e-6 * 5.0]
     assert found["frequencies x, y"] == pytest.approx([3925.29, 3978.45], rel=1e-8)
     assert found["charge of the pick-offs"] == pytest.approx(charges, rel=1e-5)

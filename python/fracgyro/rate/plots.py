@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 LEFT_OUT = "left out of the fit"
 SPANS = 1000  # intervals of a record in a plot
 TURN_ON_TIMES = 5.0  # length of the turn-on plot, in turn-on times
-BINS = 60  # of the angle of a line of vibration
+BINS = 60  # half a turn of a line of vibration
 LOGARITHMIC_FROM = 10.0  # largest turn-on output over the range, above which the scale is logarithmic
 
 

@@ -37,19 +37,17 @@ PER_PERIOD = 8  # least samples of it in a period
 class Row:
     """One row of the datasheet: numbers in `unit`, NaN with a reason in `note` if there is none.
 
-    >>> short = fg.Scenario.paper().replace({"run.duration": 4.0})
-    >>> rows = fg.datasheet(short, "sheet", quick=True, rest=0.01)
-    >>> rows[0].clause, rows[0].name
-    ('12.5', 'Turn-on time')
+    >>> fg.rate.Row("12.7", "polarity", "Polarity", "rates about z", "1", 1.0).plain()["clause"]
+    '12.7'
     """
 
-    clause: str  #: of IEEE Std 1431
+    clause: str  #: number of a clause of IEEE Std 1431
     key: str
     name: str
-    varied: str  #: what was varied, or applied
+    varied: str  #: quantities that were varied, or applied
     unit: str
     value: float = math.nan
-    low: float = math.nan  #: of the 95 % interval
+    low: float = math.nan  #: end of the 95 % interval
     high: float = math.nan
     note: str = ""
 
@@ -304,7 +302,7 @@ def clauses(rows: Sequence[Row]) -> list[Row]:
     return sorted(rows, key=place)
 
 
-OF_RATE: Mapping[str, tuple[str, str]] = {  # clause, and what was varied, of a figure of `fracgyro rate`
+OF_RATE: Mapping[str, tuple[str, str]] = {  # clause, and quantities varied, of a figure of `fracgyro rate`
     "turn_on_time": ("12.5", "start at 300 deg/s from an estimate of 0"),
     "scale_factor_error": ("12.9", "rates about z from −300 to 300 deg/s"),
     "nonlinearity": ("12.9", "rates about z from −300 to 300 deg/s"),

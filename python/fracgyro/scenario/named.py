@@ -41,9 +41,9 @@ def exactly_sensed(name: str) -> Scenario:
     """
     scenario = Scenario.shipped(name)
     if has_volts(scenario):
+        law: dict[str, object] = {"device.sensing": "full", "adaptation.kind": "composite"}
         springs = dict(plant_at_bias(scenario).stiffness)
-        exact = {"device.sensing": "full", "adaptation.kind": "composite", "plant.stiffness": springs}
-        return scenario.replace({**exact, "electrodes": [], "electronics": {}})
+        return scenario.replace({**law, "plant.stiffness": springs, "electrodes": [], "electronics": {}})
     if scenario.adaptation.kind != "joint":
         return scenario
     exact = {"device.sensing": "full", "device.position_noise_density": 0.0}
