@@ -18,7 +18,7 @@ for (const each of document.querySelectorAll("dt.sig dl, dt.sig dd")) {
   each.role = "presentation";
 }
 // In the reference of a scenario, tables that belong to kinds: each section with such tables gets a choice of one kind.
-const OWNERS = /^Of (.*):$/;
+const OWNERS = /^For (.*):$/;
 for (const section of document.querySelectorAll("article section")) {
   const parts = [...section.children].filter((each) => each.tagName === "P" && OWNERS.test(each.textContent));
   if (parts.length < 2) {

@@ -231,8 +231,8 @@ private:
     // A bound that was widened keeps its spring.
     static Push of_funnel(const Coefficients& c, const Sample<T>& e, const Vec2<T>& bound, const Vec2<T>& course) {
         const Vec2<T> one{T(1.0), T(1.0)}, most_of_all = c.half_rate * one;
-        const Vec2<T> inverse = reciprocal(bound), free = maximum(one - inverse * absolute(e.value), T(1.0 - most));
-        const Vec2<T> gain = reciprocal(c.scale * course * free);
+        const Vec2<T> inverse = reciprocal(bound), room = maximum(one - inverse * absolute(e.value), T(1.0 - most));
+        const Vec2<T> gain = reciprocal(c.scale * course * room);
         const Vec2<T> limited = if_less(gain, most_of_all, gain, most_of_all);
         const Vec2<T> slack = maximum(c.velocity * bound - absolute(e.derivative), c.nearest);
         return {.z = e.derivative + c.rate * (one - c.last * inverse) * e.value,
