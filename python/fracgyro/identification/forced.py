@@ -23,7 +23,9 @@ Array = NDArray[np.float64]
 
 MAX_DELAY = 8  # samples
 GAIN = 6.63  # decrease of the sum of squares of a fraction that is kept: 1 % of chi^2 with one degree of freedom
-SEARCHES, POLISH = 14, 4  # steps of the search for the fraction, and steps of each fit in it
+SEARCHES, POLISH = 10, 4  # steps of the search for the fraction, and steps of each fit in it
+REFINEMENTS = 4  # looks at the fraction that the search found, each but the last with a step
+LEAST = 0.01  # fraction next to a whole delay
 GOLDEN = (math.sqrt(5) - 1) / 2
 DIFFERENCE = 1e-4  # step of the derivative, in intervals
 
@@ -91,9 +93,16 @@ def fractional(
         fit = maximize(shape, found, unit, fit.parameters, noise)
         noise = fit.thermal
         whiten = weights(noise, thermal_spectra(shape, found, unit, fit.parameters) if noise.is_thermal else None)
-    column, jacobian = _by_fraction(shape, found, unit, fit.parameters, whiten)
-    rest = column - jacobian @ np.linalg.lstsq(jacobian, column, rcond=None)[0]
-    size = float(np.linalg.norm(rest))
+    # The search ends some deviations away from the best fraction: Gauss and Newton's steps lead there.
+    for i in range(REFINEMENTS):
+        residuals, column, jacobian = _by_fraction(shape, found, unit, fit.parameters, whiten)
+        rest = column - jacobian @ np.linalg.lstsq(jacobian, column, rcond=None)[0]
+        size = float(np.linalg.norm(rest))
+        if i == REFINEMENTS - 1 or not (fraction > 0 and size > 0):
+            break
+        fraction = min(max(fraction - float(rest @ residuals) / size**2, LEAST), 1 - LEAST)
+        found = [replace(one, fraction=fraction) for one in found]
+        fit = maximize(shape, found, unit, fit.parameters, noise)
     deviation = 1 / size if size > 0 else math.inf  # the force moves nothing
     if fraction > 0:
         norms = np.maximum(np.linalg.norm(jacobian, axis=0), np.finfo(float).tiny)
@@ -120,7 +129,7 @@ def _search(
         moved = [replace(one, fraction=fraction) for one in spectra]
         return search(shape, moved, unit, parameters, whiten, POLISH).squares
 
-    low, high = 0.01, 0.99
+    low, high = LEAST, 1 - LEAST
     left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_left, at_right = squares(left), squares(right)
     for _ in range(SEARCHES):
@@ -137,9 +146,9 @@ def _search(
 
 def _by_fraction(
     shape: Shape, spectra: Sequence[Spectrum], unit: float, parameters: Array, whiten: Sequence[Complex]
-) -> tuple[Array, Array]:
-    """Derivative of the residuals with respect to the fraction, and the Jacobian."""
+) -> tuple[Array, Array, Array]:
+    """The residuals, their derivative with respect to the fraction, and the Jacobian."""
     here = [replace(one, fraction=max(one.fraction, DIFFERENCE)) for one in spectra]
     there = [replace(one, fraction=one.fraction + DIFFERENCE) for one in here]
     first, second = (linearized(shape, each, unit, parameters, whiten) for each in (here, there))
-    return (second.residuals - first.residuals) / DIFFERENCE, first.jacobian
+    return first.residuals, (second.residuals - first.residuals) / DIFFERENCE, first.jacobian
