@@ -65,9 +65,9 @@ TEST(FactoredCovariance, AnAdditionInPartsHasTheBitsOfAWholeOne) {
     P::State whole = some_covariance(), parts = whole;
     P::add(whole, 3, 0.7);
     P::Added added{.share = {0.0, 0.0, 0.0, 1.0}, .left = 0.7};
-    P::add_column(parts, added, std::integral_constant<std::size_t, 3>{});
-    P::add_column(parts, added, 2U);
-    P::add_column(parts, added, std::integral_constant<std::size_t, 1>{});
+    P::add_column<3>(parts, added);
+    P::add_column<2>(parts, added);
+    P::add_column<1>(parts, added);
     P::add_first(parts, added);
     expect_same(whole, parts);
     EXPECT_NE(whole.d_factor, some_covariance().d_factor);
