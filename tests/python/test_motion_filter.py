@@ -194,7 +194,7 @@ def test_its_guard_holds_the_force_through_bad_samples_and_goes_on(sensing: dict
 
 def test_fields_of_the_datasheet_come_with_the_filter() -> None:
     plain = fg.Scenario.paper().replace({"controller.kind": "pid"})
-    assert "noise is not set" not in plain.to_toml()  # of the datasheet only the pick-offs
+    assert "noise is not set" not in plain.to_toml()  # only the pick-offs are there
     text = PID.to_toml()
     for name in ("force_noise", "position_noise", "velocity_noise", "delay"):
         assert f"# {name} is not set" in text
