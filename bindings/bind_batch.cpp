@@ -215,9 +215,8 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
             if (lanes_or_one == 1 && !single_precision) {
                 std::vector<Metrics> values(ideal.size());
                 const FillNoise noise = fastest_noise();
-                parallel_for(ideal.size(), threads, [&](std::size_t i) {
-                    values[i] = measure_any_ideal(*ideal[i], *make_double(*ideal[i]), params, noise);
-                });
+                parallel_for(ideal.size(), threads,
+                             [&](std::size_t i) { values[i] = measure_double(*ideal[i], params, noise); });
                 return values;
             }
             const std::size_t lanes = single_precision && lanes_or_one == 1 ? counts.back() : lanes_or_one;
