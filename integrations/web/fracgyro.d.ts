@@ -9,7 +9,7 @@ export function load(files?: { wasm?: BufferSource; data?: object; single?: bool
 
 export interface Fracgyro {
   readonly version: string;
-  /** True if controllers compute in single precision. Then there is no loop. */
+  /** True if controllers compute in single precision. Then it has no loops. */
   readonly single: boolean;
   /** Meaning, unit and range of each setting, enough to build a form. */
   readonly fields: Readonly<Record<SettingName, Field>>;

@@ -95,9 +95,9 @@ def test_the_bound_of_each_noise_is_below_that_of_all() -> None:
     assert found.keys() == {"bound_thermal", "bound_voltage_noise", "bound_feedback_resistance"}
     assert max(found.values()) < all_of_them
     quiet = {"electronics.voltage_noise": 0.0, "electronics.feedback_resistance": math.inf}
-    alone = fg.rate.bound_angle_random_walk(made.replace(quiet))
-    assert alone is not None
-    assert found["bound_thermal"] == pytest.approx(math.degrees(alone.known) * 60)
+    single = fg.rate.bound_angle_random_walk(made.replace(quiet))
+    assert single is not None
+    assert found["bound_thermal"] == pytest.approx(math.degrees(single.known) * 60)
 
 
 def test_a_device_without_volts_has_none_of_these() -> None:

@@ -31,7 +31,7 @@ SAME = 1e-4  # relative change of all variances that ends the search
 SMALLEST = 1e-12  # times the white variance: a thermal variance that is zero
 MAX_SPREAD = 0.5  # deviation over the density, above which it gives no gain of the pick-off
 BOUND = 0.05  # probability of the likelihood ratio of a thermal motion that is not included
-HARDLY = 0.5  # likelihood ratio by the score, below which there is no thermal motion: its p is 0.3
+HARDLY = 0.5  # likelihood ratio by the score, below which no thermal motion is included: its p is 0.3
 
 
 @dataclass(frozen=True)

@@ -72,9 +72,9 @@ def _readout(scenario: Scenario) -> list[Result]:
     if not any(at_bias(scenario).noise):
         return []
     whole, slope, found = at_bias(scenario).noise, slopes(scenario), []
-    alone = {name: at_bias(only_noise(scenario, name)).noise for name in NOISES}
+    single = {name: at_bias(only_noise(scenario, name)).noise for name in NOISES}
     for i, axis in enumerate(AXES):
-        shares = [f"{100 * (alone[name][i] / whole[i]) ** 2:.3g} % by {words}" for name, (words, _) in NOISES.items()]
+        shares = [f"{100 * (single[name][i] / whole[i]) ** 2:.3g} % by {words}" for name, (words, _) in NOISES.items()]
         meters, farads = float(whole[i]), float(whole[i]) * slope[i]
         named = f"readout_{axis}", f"Readout noise of {axis}"
         note = "of its power " + ", ".join(shares)
