@@ -570,7 +570,7 @@ def test_the_resonator_moves_on_x_only() -> None:
 def test_a_scenario_with_a_kind_of_plant_is_read_back_and_measured(kind: str) -> None:
     scenario = SHORT.replace({"plant.kind": kind})
     assert fg.Scenario.from_toml(scenario.to_toml()) == scenario
-    plant = scenario.to_toml().partition("[plant]")[2].partition("\n[")[0]
+    plant = scenario.to_toml().partition("\n[plant]\n")[2].partition("\n[")[0]
     assert ("cubic_coupling" in plant) == (kind == "duffing")
     assert scenario.replace({"plant.kind": "gyroscope"}) == SHORT
     run, measured = fg.simulate(scenario), fg.measure_many([scenario], transient=0.1)
