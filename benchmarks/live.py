@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from fracgyro.export.live import FACE, bundled, packed, write_page
+from fracgyro.export.web import build_module
 from machine import machine, write
 from PIL import Image
 
@@ -72,7 +73,8 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as name, chromium() as browser:
         folder = Path(name)
-        write_page(folder / "live")
+        build_module(folder / "fracgyro.wasm")
+        write_page(folder / "live", folder / "fracgyro.wasm")
         with served(folder / "live") as address:
             if options.pictures:
                 draw_presets(browser, address, options.pictures)

@@ -28,7 +28,7 @@ DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py", "python/frac
 
 FIELDS = ["adaptation.rate_gain", "adaptation.stiffness_gain"]
 # Steps of a run and number of runs.
-SIZES = ((1_000, 20_000), (80_001, 512))
+SIZES = ((1_000, 20_000), (80_001, 2_048))
 CHILD = """
 import json, sys, tempfile, time
 from pathlib import Path
@@ -104,7 +104,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a tenth of the runs, once; not written")
     options = parser.parse_args()
-    repeats, part = (1, 10) if options.quick else (3, 1)
+    repeats, part = (1, 10) if options.quick else (5, 1)
     rows, shares = [], []
     sweeps = Sweeps()
     for steps, all_runs in SIZES:
