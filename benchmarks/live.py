@@ -1,7 +1,7 @@
 """The live page: bytes, and frames while it plays; writes benchmarks/results/live.md. `--pictures DIR`: every preset.
 
-`--readme` draws only docs/live.png and docs/live_own.png. `--minute DIR`: pictures of a visitor's minute, and an
-animation of them.
+`--readme` draws only docs/live.png and docs/live_own.png. `--minute DIR`: pictures of a visitor's minute, and of them
+the animation docs/live_minute.webp.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ DEPENDS_ON = ["integrations/web/**/*"]
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs/live.png"
 OWN_PICTURE = ROOT / "docs/live_own.png"
+MINUTE = ROOT / "docs/live_minute.webp"
 ENDS = ("#plots", ".plot.timed")  # from the one to the other
 CLOCK = "document.getElementById('clock').textContent"
 LOOK = 1500  # ms from one picture of the visitor's minute to the next
@@ -249,8 +250,8 @@ def draw_minute(browser: Any, address: str, folder: Path) -> None:
             look(page, 3)
         page.select_option("#plot", "spectrum")
         look(page, 4)
-    first, *rest = shots
-    first.save(folder / "minute.webp", save_all=True, append_images=rest, duration=LOOK // 2, quality=60)
+    first, *rest = (shot.resize((660, 540), Image.Resampling.LANCZOS) for shot in shots)
+    first.save(MINUTE, save_all=True, append_images=rest, duration=LOOK // 2, quality=30, method=6)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,9 @@
 Writes benchmarks/results/volts.md.
 
 Noise-free runs of the dual-mass gyroscope; a row of each run without the effect is subtracted. The combs of the drive
-and of the pick-offs are ideal: their gap is a millimeter, so that nothing bends. Lost: without noise the estimate of
-the joint filter, which knows so, ends far off; this is not understood.
+and of the pick-offs are ideal: their gap is a millimeter, so that nothing bends. Not trusted: an effect that is far
+above the noise that the joint filter knows makes it refuse samples, and its estimate is of another size; the part of
+the samples that it refused and the part in which it trusted its estimate are from the last 30 % of the run.
 """
 
 from __future__ import annotations
@@ -71,16 +72,19 @@ def softened(electrodes: list[dict[str, Any]]) -> dict[str, Any]:
 
 def output(changes: Mapping[str, Any]) -> float:
     """Mean of the rate over the last whole beats of the split, rad/s."""
-    return _output(BASE.replace(dict(changes)))
+    return _output(BASE.replace(dict(changes)))[0]
 
 
 @cache
-def _output(scenario: fg.Scenario) -> float:
+def _output(scenario: fg.Scenario) -> tuple[float, float, float]:
+    """That mean, and the parts of the last 30 % of the samples that are refused and trusted."""
     run = fg.simulate(scenario)
     rate = run["rate_estimate"].values * BASE.plant.scales.rate
     seconds = float(run["time"].values[-1]) / BASE.plant.reference_frequency
     beats = math.floor(0.3 * seconds * SPLIT)
-    return float(rate[-round(beats / SPLIT / seconds * (len(rate) - 1)) :].mean())
+    last = slice(-round(beats / SPLIT / seconds * (len(rate) - 1)), None)
+    parts = (float(run[name].values[last].mean()) if name in run else 0.0 for name in ("sample_refused", "rate_trusted"))
+    return (float(rate[last].mean()), *parts)
 
 
 def bias(law: str, changes: Mapping[str, Any], without: Mapping[str, Any]) -> float:
@@ -88,18 +92,19 @@ def bias(law: str, changes: Mapping[str, Any], without: Mapping[str, Any]) -> fl
     return math.degrees(output({**LAWS[law], **changes}) - output({**LAWS[law], **without})) * 3600
 
 
-def scale(law: str, changes: Mapping[str, Any], without: Mapping[str, Any]) -> float:
-    """Change of the scale factor at 10 deg/s."""
+def scale(law: str, changes: Mapping[str, Any], without: Mapping[str, Any], per: float, unit: str) -> str:
+    """Change of the scale factor at 10 deg/s, in that unit; what the filter says where the estimate is of another size.
+
+    `per` is the unit's number in one."""
     ends = {"plant.angular_rate": math.radians(10.0)}
     found = []
     for each in (changes, without):
         found.append(output({**LAWS[law], **each, **ends}) - output({**LAWS[law], **each}))
-    return found[0] / found[1] - 1
-
-
-def lost_or(share: float, per: float, unit: str, digits: int) -> str:
-    """Text of a change of the scale factor; "lost" where the estimate is of another size."""
-    return f"{per * share:,.{digits}f} {unit}" if abs(share) < 1.0 else "lost"
+    share = found[0] / found[1] - 1
+    if abs(share) < 1.0:
+        return f"{per * share:,.{1 if unit == 'ppm' else 2}f} {unit}"
+    _, refused, trusted = _output(BASE.replace({**LAWS[law], **changes, **ends}))
+    return f"not trusted: {100 * refused:.0f} % refused, {100 * trusted:.0f} % trusted"
 
 
 def angle_row(pole: float) -> list[str]:
@@ -117,7 +122,7 @@ def feedthrough_row(place: int, name: str, closed: str, unit: str) -> list[str]:
         farads[each] = 1e-15
     through = {**given, "electronics.feedthrough": farads}
     if unit == "ppm":
-        return [name, closed, *(lost_or(scale(law, through, given), 1e6, "ppm", 1) for law in LAWS)]
+        return [name, closed, *(scale(law, through, given, 1e6, "ppm") for law in LAWS)]
     return [name, closed, *(f"{bias(law, through, given):,.1f} deg/h" for law in LAWS)]
 
 
@@ -127,7 +132,7 @@ def gap_row(role: str, share: float, closed: str) -> list[str]:
     other = "pickoff" if role == "force" else "force"
     straight = softened([*ideal(role), *ideal(other)])
     given = softened([ideal(role)[0], bent, *ideal(other)])
-    found = [lost_or(scale(law, given, straight), 100.0, "%", 2) for law in LAWS]
+    found = [scale(law, given, straight, 100.0, "%") for law in LAWS]
     words = "force" if role == "force" else "pick-off"
     return [f"{words} by plates, y/gap = {share:g}", closed, *found]
 

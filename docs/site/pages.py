@@ -74,7 +74,7 @@ PAGES = {
     "changelog": "CHANGELOG.md",
 }
 LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for developers
-PICTURES = {".svg", ".png"}
+PICTURES = {".svg", ".png", ".webp"}
 CODE = {".hpp"}  # a link to a name in such a file leads to its line
 # Listed on a page, but not in the sidebar of every page, which would take a third of the build time.
 LISTED = {"decisions", "measured"}
