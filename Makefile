@@ -168,9 +168,9 @@ article: .venv/installed-article
 SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q -j auto
 docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
-	$(BIN)/python -m fracgyro.export.live build/web & live=$$!; \
-	  $(SPHINX) -b html build/site-source build/site && wait $$live && cp -r build/web/live build/site/
-	$(BIN)/python -m fracgyro_lab.board lab/board build/site/board benchmarks/results/flops.md
+	{ $(BIN)/python -m fracgyro.export.live build/web && \
+	  $(BIN)/python -m fracgyro_lab.board lab/board build/web/board benchmarks/results/flops.md; } & pages=$$!; \
+	  $(SPHINX) -b html build/site-source build/site && wait $$pages && cp -r build/web/live build/web/board build/site/
 
 # Random inputs: every one must work or be refused in one sentence. One line per fuzzer.
 FUZZ_SECONDS := 40

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import tomllib
 from importlib.metadata import version as version_of
@@ -11,6 +12,8 @@ from pathlib import Path
 import click
 from fracgyro.cli import cli
 from sphinx.application import Sphinx
+
+gc.set_threshold(200_000)  # the trees of all pages live until the end: collecting among them took a tenth of the time
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
