@@ -1,6 +1,6 @@
 """Time of an entry of the board, from the command to the file; writes benchmarks/results/board_entry.md.
 
-    python benchmarks/board_entry.py [--quick]
+python benchmarks/board_entry.py [--quick]
 """
 
 from __future__ import annotations

@@ -83,7 +83,9 @@ def _output(scenario: fg.Scenario) -> tuple[float, float, float]:
     seconds = float(run["time"].values[-1]) / BASE.plant.reference_frequency
     beats = math.floor(0.3 * seconds * SPLIT)
     last = slice(-round(beats / SPLIT / seconds * (len(rate) - 1)), None)
-    parts = (float(run[name].values[last].mean()) if name in run else 0.0 for name in ("sample_refused", "rate_trusted"))
+    parts = (
+        float(run[name].values[last].mean()) if name in run else 0.0 for name in ("sample_refused", "rate_trusted")
+    )
     return (float(rate[last].mean()), *parts)
 
 
