@@ -20,8 +20,9 @@ using Registered = RegisteredController<exported::Number, exported::kind, export
 inline constexpr bool from_positions = exported::sensing[0] > 0.0, filtered = exported::sensing[1] > 0.0,
                       triggered = exported::sensing[6] > 0.0 || exported::sensing[7] > 0.0,
                       corrected =
-                          exported::sensing[8] != 0.0 || exported::sensing[9] != 0.0 || exported::sensing[10] != 0.0;
-using Unguarded = ForDevice<Registered, from_positions, filtered, triggered, corrected>::Type;
+                          exported::sensing[8] != 0.0 || exported::sensing[9] != 0.0 || exported::sensing[10] != 0.0,
+                      compensated = exported::sensing[11] > 0.0;
+using Unguarded = ForDevice<Registered, from_positions, filtered, triggered, corrected, compensated>::Type;
 // A closed loop needs no guard: the measurements come from the FMU's own simulation and have no faults.
 using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
 using Loop = std::conditional_t<exported::ideal, IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;

@@ -31,8 +31,9 @@ const INPUTS = 11; // numbers of a sample that a law is given
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 // Numbers of the datasheet that the filter of the measured motions needs.
 const FILTERED = ["force_noise", "position_noise", "velocity_noise", "delay"];
-// Numbers of the event trigger.
+// Numbers of the event trigger, and of the disturbance observer around a controller.
 const TRIGGER = ["event_threshold", "event_share"];
+const COMPENSATION = "compensation_bandwidth";
 // Numbers of the datasheet by which measurements are corrected.
 const PICKOFFS = ["pickoff_gain_error[0]", "pickoff_gain_error[1]", "pickoff_misalignment"];
 
@@ -222,7 +223,7 @@ class Fracgyro {
     const prepared = await this.#prepare(scenario, changes, law);
     const { core, settings, observed } = prepared;
     const reported = law ? law.columns : prepared.reported;
-    const without = { filter: "none", ...Object.fromEntries(TRIGGER.map((name) => [name, 0])) };
+    const without = { filter: "none", ...Object.fromEntries([...TRIGGER, COMPENSATION].map((name) => [name, 0])) };
     for (const [name, off] of law ? Object.entries(without) : []) {
       const value = settings[`controller.${name}`];
       if (value !== off) {
@@ -304,7 +305,8 @@ class Fracgyro {
     const filters = filter === "kalman" ? [bandwidth, ...assumed] : [0, 0, 0, 0, 0];
     const trigger = TRIGGER.map((name) => settings[`controller.${name}`]);
     const pickoffs = PICKOFFS.map((name) => settings[`datasheet.${name}`]);
-    const sensing = [observed ? bandwidth : 0, ...filters, ...trigger, ...pickoffs];
+    const compensation = settings[`controller.${COMPENSATION}`];
+    const sensing = [observed ? bandwidth : 0, ...filters, ...trigger, ...pickoffs, compensation];
     const placed = (numbers) => {
       const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
       core.doubles(at, numbers.length).set(numbers);

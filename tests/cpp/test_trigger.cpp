@@ -117,7 +117,16 @@ TEST(Triggered, TheObserverKnowsWhatWasSent) {
     Loop<C> loop(case_with<Pid<double>>(50.0, 0.0));
     for (int n = 0; n < 300; ++n) {
         loop.step();
-        ASSERT_EQ(loop.state.force.x(), loop.state.controller.trigger.sent.x());
+        ASSERT_EQ(loop.state.force.x(), loop.state.controller.part.sent.x());
+    }
+}
+
+TEST(Triggered, AFilterOfTheLawKnowsWhatWasSent) {
+    using C = Triggered<Joint>;
+    Loop<C> loop(case_with<Joint>(50.0, 0.0));
+    for (int n = 0; n < 300; ++n) {
+        loop.step();
+        ASSERT_EQ(loop.state.controller.adaptation.force.x(), loop.state.part.sent.x());
     }
 }
 

@@ -254,6 +254,7 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.S
     },
     "controller.event_threshold": ({}, 5.0),
     "controller.event_share": ({}, 0.05),
+    "controller.compensation_bandwidth": ({}, 30.0),
     "controller.near_floor": ({"controller.kind": "fixed_time"}, 0.3),
     "controller.switching_layer": ({"controller.kind": "dynamic", "controller.switching_rate": 1e3}, 150.0),
     "controller.surface_layer": ({"controller.kind": "network", "controller.switching_force": 5.0}, 0.1),

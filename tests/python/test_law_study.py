@@ -299,8 +299,8 @@ def test_a_function_of_numba_is_known_by_its_python() -> None:
         (
             "[vary]\ncontroller.order = [0.5, 0.9]",
             "controller.order is in [vary]: it has no effect, as a native.Law replaces the scenario's controller; only "
-            "controller.force_limit, controller.filter, controller.observer_bandwidth, controller.event_threshold and "
-            "controller.event_share remain",
+            "controller.force_limit, controller.filter, controller.observer_bandwidth, controller.event_threshold, "
+            "controller.event_share and controller.compensation_bandwidth remain",
         ),
         ("[vary]\nrun.kernel_tolerance = [1e-6, 1e-5]", "run.kernel_tolerance is in [vary]: it has no effect"),
         ("[fixed]\nlaw.kp = 1.0", "law.kp is in [fixed]: it must be set in the controller that is passed to the study"),

@@ -24,6 +24,7 @@ BESIDES = {
     "controller.observer_bandwidth",
     "controller.event_threshold",
     "controller.event_share",
+    "controller.compensation_bandwidth",
     "datasheet.pickoff_gain_error[0]",
     "datasheet.pickoff_gain_error[1]",
     "datasheet.pickoff_misalignment",

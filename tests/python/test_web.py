@@ -129,6 +129,9 @@ SCENARIOS = {
     "PID whose force is sent by events": SHORT.replace(
         {"controller.kind": "pid", "controller.event_threshold": 5.0, "controller.event_share": 0.02}
     ),
+    "a PD with the lacking force taken off": SHORT.replace(
+        {"controller.kind": "pid", "controller.integral_frequency": 0.0, "controller.compensation_bandwidth": 50.0}
+    ),
     **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
     "disturbances that add up": LIST,
     "integer order": SHORT.replace({"controller.order": 1.0}),

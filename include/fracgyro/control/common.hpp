@@ -67,7 +67,8 @@ struct Common {
     double observer_bandwidth = 0.0;  // bandwidth of the observer (hardware/observer.hpp); 0: the velocity is measured
     FilterParams filter{};
     TriggerParams trigger{};
-    AxesParams pickoffs{};  // known errors, by which measurements are corrected (hardware/pickoffs.hpp)
+    double compensation_bandwidth = 0.0;  // bandwidth of the disturbance observer (hardware/compensation.hpp); 0: off
+    AxesParams pickoffs{};                // known errors, by which measurements are corrected (hardware/pickoffs.hpp)
 
     static constexpr auto fields() {
         using C = Common;

@@ -190,6 +190,11 @@ template <Resumable Controller>
 struct ForSensors<Controller, true, false> {
     using Type = typename FromPositions<Controller>::Type;
 };
+template <Resumable Controller>
+    requires(!takes_filter<Controller>)
+struct ForSensors<Controller, true, true> {
+    using Type = typename FromPositions<Controller>::Type;
+};
 template <Resumable Controller, bool positions_only>
     requires takes_filter<Controller>
 struct ForSensors<Controller, positions_only, true> {

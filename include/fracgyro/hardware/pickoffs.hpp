@@ -10,7 +10,7 @@
 // Source: docs/decisions/0052.
 #pragma once
 
-#include "fracgyro/hardware/trigger.hpp"
+#include "fracgyro/hardware/compensation.hpp"
 
 namespace fracgyro {
 
@@ -67,10 +67,13 @@ struct Corrected {
     }
 };
 
-// The controller for the sensors of a device: with measurements corrected or not, and its force sent by events or not.
-template <Resumable Controller, bool positions_only, bool filtered, bool triggered, bool corrected>
+// The controller for the sensors of a device: with measurements corrected or not, its force sent by events or not, and
+// with or without a disturbance observer.
+template <Resumable Controller, bool positions_only, bool filtered, bool triggered, bool corrected,
+          bool compensated = false>
 struct ForDevice {
-    using Sending = std::conditional_t<triggered, Triggered<Controller>, Controller>;
+    using Acting = std::conditional_t<compensated, Compensated<Controller>, Controller>;
+    using Sending = std::conditional_t<triggered, Triggered<Acting>, Acting>;
     using Sensing = typename ForSensors<Sending, positions_only, filtered>::Type;
     using Type = std::conditional_t<corrected, Corrected<Sensing>, Sensing>;
 };
@@ -85,10 +88,17 @@ void for_device(const Common& common, Visit&& visit) {
             visit.template operator()<Sensing>();
         }
     };
-    if (common.trigger.on()) {
-        for_sensors<Triggered<Controller>>(common, corrected);
+    const auto sent = [&]<class Acting>() {
+        if (common.trigger.on()) {
+            for_sensors<Triggered<Acting>>(common, corrected);
+        } else {
+            for_sensors<Acting>(common, corrected);
+        }
+    };
+    if (common.compensation_bandwidth > 0.0) {
+        sent.template operator()<Compensated<Controller>>();
     } else {
-        for_sensors<Controller>(common, corrected);
+        sent.template operator()<Controller>();
     }
 }
 

@@ -5,18 +5,18 @@
 //        a new force is sent if  |u - u_sent| >= a + b |u_sent|  on either axis
 //
 //    The acting force is within a + b |u_sent| of that of the law, an additional bounded disturbance: below the noise
-//    of the law's force, every step sends. Observer and filter know the sent force, and models within a law that of
-//    the law.
+//    of the law's force, every step sends. Observer, filter and laws that ask for the acting force know the sent one.
 //
 // Source: textbook; docs/decisions/0053.
 #pragma once
 
-#include "fracgyro/hardware/motion_filter.hpp"
+#include "fracgyro/hardware/around.hpp"
 
 namespace fracgyro {
 
 template <Scalar T>
 struct Trigger {
+    using Value = T;
     struct Coefficients {
         T threshold{}, share{};  // a, b
     };
@@ -54,49 +54,6 @@ struct Trigger {
 
 // A controller whose force is sent by events.
 template <Resumable Controller>
-struct Triggered {
-    using Value = typename Controller::Value;
-    using T = Value;
-    using Params = typename Controller::Params;
-    using Report = typename Controller::Report;
-    static constexpr bool measures_velocity = fracgyro::measures_velocity<Controller>;
-
-    struct Coefficients {
-        typename Controller::Coefficients controller{};
-        typename Trigger<T>::Coefficients trigger{};
-    };
-    struct State {
-        typename Controller::State controller{};
-        typename Trigger<T>::State trigger{};
-    };
-
-    static Coefficients prepare(const Params& p, const Common& common) {
-        return {.controller = Controller::prepare(p, common), .trigger = Trigger<T>::prepare(common)};
-    }
-    static bool sound(const State& state, const Coefficients& c) {
-        return Controller::sound(state.controller, c.controller);
-    }
-    static Report report(const State& state, const Coefficients& c) {
-        return Controller::report(state.controller, c.controller);
-    }
-    static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
-    static void start_over(State& state, bool keep_estimates) {
-        Controller::start_over(state.controller, keep_estimates);
-    }
-    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
-                                   const Sample<T>* missing = nullptr) {
-        return Trigger<T>::step(state.trigger, c.trigger, measured, missing != nullptr, [&](const Motion<T>& seen) {
-            return Controller::step(state.controller, c.controller, seen, missing);
-        });
-    }
-};
-
-// The observer is in front of it, and knows what was sent.
-template <Resumable Controller>
-struct FromPositions<Triggered<Controller>> {
-    using Known = typename FromPositions<Controller>::Type;
-    using Type = std::conditional_t<std::is_same_v<Known, Observing<Controller>>, Observing<Triggered<Controller>>,
-                                    Triggered<Known>>;
-};
+using Triggered = Around<Controller, Trigger<typename Controller::Value>>;
 
 }  // namespace fracgyro

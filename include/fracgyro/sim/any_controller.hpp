@@ -151,7 +151,8 @@ private:
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };
 
-// Another controller with a filter or a trigger around it, whose state comes before that of the controller.
+// Another controller with a part around it: filter, trigger, disturbance observer. The state of the part comes before
+// that of the controller.
 template <Scalar T, class Part>
 class AroundController final : public AnyController<T> {
     using State = typename Part::State;
@@ -164,8 +165,12 @@ public:
     }
 
     Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
-        return Part::step(state_, coefficients_, measured, missing != nullptr,
-                          [&](const Motion<T>& seen) { return controller_.step(seen, missing); });
+        const auto signals = Part::step(state_, coefficients_, measured, missing != nullptr,
+                                        [&](const Motion<T>& seen) { return controller_.step(seen, missing); });
+        if (!filters && missing == nullptr) {  // without a sample the guard holds the last force
+            controller_.acted(signals.force);
+        }
+        return signals;
     }
     void acted(const Vec2<T>& force) override {
         if constexpr (requires { Part::acted(state_, coefficients_, force); }) {
@@ -182,7 +187,7 @@ public:
         if constexpr (filters) {
             return Part::measures_velocity;
         } else {
-            return controller_.needs_velocity();
+            return fracgyro::needs_velocity<Part> || controller_.needs_velocity();
         }
     }
     bool takes_filter() const override { return !filters && controller_.takes_filter(); }
@@ -223,7 +228,7 @@ private:
     State state_;
 };
 
-// The controller with event trigger and filter around it; nullptr if it has neither.
+// The controller with disturbance observer, event trigger and filter around it; nullptr if it has none of them.
 template <Scalar T>
 std::unique_ptr<AnyController<T>> behind_wrappers(AnyController<T>& controller, const Common& common,
                                                   std::unique_ptr<AnyController<T>> owned = nullptr) {
@@ -234,6 +239,9 @@ std::unique_ptr<AnyController<T>> behind_wrappers(AnyController<T>& controller, 
                                                            made == nullptr ? std::move(owned) : std::move(made));
         inner = made.get();
     };
+    if (common.compensation_bandwidth > 0.0) {
+        put.template operator()<Compensation<T>>();
+    }
     if (common.trigger.on()) {
         put.template operator()<Trigger<T>>();
     }
@@ -262,7 +270,7 @@ std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params
         }
         made = std::make_unique<ControllerOf<C>>(params, common);
     });
-    if (common.trigger.on() || (common.filter.on() && made->takes_filter())) {
+    if (common.compensation_bandwidth > 0.0 || common.trigger.on() || (common.filter.on() && made->takes_filter())) {
         AnyController<T>& plain = *made;
         return behind_wrappers<T>(plain, common, std::move(made));
     }

@@ -38,7 +38,8 @@ bool is_ideal(const DeviceSetupOf<Params>& s) {
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
            !d.position.on() && !d.velocity.on() && !d.actuator().on() && !d.pickoff.on() && !d.force.on() &&
            !d.thermal.moves_gains() && d.delay == 0 && !s.volts.present && s.common.observer_bandwidth == 0.0 &&
-           !s.common.filter.on() && !s.common.trigger.on() && !s.common.pickoffs.on();
+           !s.common.filter.on() && !s.common.trigger.on() && !s.common.pickoffs.on() &&
+           s.common.compensation_bandwidth == 0.0;
 }
 
 // A Snapshot of such a run; position, velocity and error are the true ones, `signals.force` is the requested force.

@@ -48,7 +48,8 @@ public:
         const FilterParams &one = setup_.common.filter, &next = other.common.filter;
         const bool can = (!checks_ || same_controller(setup_.controller, other.controller)) && one.on() == next.on() &&
                          one.assumed.delay == next.assumed.delay &&
-                         setup_.common.trigger.on() == other.common.trigger.on();
+                         setup_.common.trigger.on() == other.common.trigger.on() &&
+                         (setup_.common.compensation_bandwidth > 0.0) == (other.common.compensation_bandwidth > 0.0);
         if (can) {
             controller_->set(other.controller, other.common);
             take(other);

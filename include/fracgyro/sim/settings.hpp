@@ -105,10 +105,10 @@ inline void take_terms(DisturbanceParams& disturbance, std::span<const double> n
     }
 }
 
-// Observer, filter, event trigger and known pick-offs as numbers: the bandwidth of observer and filter, 0 without it;
+// What is around a controller as numbers: the bandwidth of observer and filter, 0 without it;
 // noise of force, position and velocity, and the delay, that the filter assumes; threshold and share of the trigger, 0
-// without it; errors of the pick-offs' gains, and their angle.
-using SensingNumbers = std::array<double, 11>;
+// without it; errors of the pick-offs' gains, and their angle; bandwidth of the disturbance observer, 0 without it.
+using SensingNumbers = std::array<double, 12>;
 inline SensingNumbers sensing_of(const Common& common) {
     const FilterParams& f = common.filter;
     const AxesParams& pickoffs = common.pickoffs;
@@ -117,7 +117,7 @@ inline SensingNumbers sensing_of(const Common& common) {
             f.assumed.velocity_noise,  static_cast<double>(f.assumed.delay),
             common.trigger.threshold,  common.trigger.share,
             pickoffs.gain_error.x(),   pickoffs.gain_error.y(),
-            pickoffs.misalignment};
+            pickoffs.misalignment,     common.compensation_bandwidth};
 }
 inline void take_sensing(Common& common, const SensingNumbers& numbers) {
     common.observer_bandwidth = numbers[0];
@@ -128,6 +128,7 @@ inline void take_sensing(Common& common, const SensingNumbers& numbers) {
                                  .delay = static_cast<std::int64_t>(numbers[5])}};
     common.trigger = {.threshold = numbers[6], .share = numbers[7]};
     common.pickoffs = {.gain_error = {numbers[8], numbers[9]}, .misalignment = numbers[10]};
+    common.compensation_bandwidth = numbers[11];
 }
 
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.

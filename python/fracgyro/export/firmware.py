@@ -172,8 +172,8 @@ def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list
     positions_only, filtered = (bandwidth > 0.0 for bandwidth in setup.sensing[:2])
     if positions_only:
         lines.append("// Without a velocity sensor: the velocity in fracgyro_motion is ignored.")
-    triggered, corrected = any(setup.sensing[6:8]), any(setup.sensing[8:])
-    if positions_only or filtered or triggered or corrected:
-        seen = ", ".join(str(each).lower() for each in (positions_only, filtered, triggered, corrected))
+    around = positions_only, filtered, any(setup.sensing[6:8]), any(setup.sensing[8:11]), setup.sensing[11] > 0.0
+    if any(around):
+        seen = ", ".join(str(each).lower() for each in around)
         controller = f"fracgyro::ForDevice<{controller}, {seen}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]

@@ -64,21 +64,23 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def sensing(scenario: Scenario) -> list[float]:
-    """Observer, filter, event trigger and known pick-offs for the core, as sensing_of in settings.hpp lists them."""
+    """What is around the controller, for the core, as sensing_of in settings.hpp lists it."""
     return list(core_setup(scenario).sensing)
 
 
 def observer_bandwidth(scenario: Scenario) -> float:
     """Observer bandwidth for the core: 0 if the velocity is measured.
 
-    For targets without filter, trigger and correction of pick-offs. Raises ScenarioError for these.
+    For targets without filter, trigger, disturbance observer around the controller, and correction of pick-offs. Raises
+    ScenarioError for these.
     """
     c = scenario.controller
-    for name in ("event_threshold", "event_share"):
+    trigger, observer = "event trigger", "disturbance observer around a controller"
+    for name, part in (("event_threshold", trigger), ("event_share", trigger), ("compensation_bandwidth", observer)):
         if getattr(c, name) > 0:
             raise ScenarioError(
                 f"controller.{name} is {format_value(getattr(c, name))}: it must be 0.0 for this target, which has no "
-                "event trigger"
+                f"{part}"
             )
     if scenario.controller.filter != "none":
         raise ScenarioError(

@@ -52,7 +52,11 @@ BESIDES: dict[str, dict[str, Any]] = {
     for table, model, names in (
         ("run", Run, ("duration", "record_every", "kernel_tolerance")),
         ("device", Device, ("sensing",)),
-        ("controller", Controller, ("filter", "observer_bandwidth", "event_threshold", "event_share")),
+        (
+            "controller",
+            Controller,
+            ("filter", "observer_bandwidth", "event_threshold", "event_share", "compensation_bandwidth"),
+        ),
     )
     for name in names
 }

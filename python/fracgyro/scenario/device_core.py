@@ -22,7 +22,8 @@ def is_ideal(scenario: Scenario) -> bool:
     c = scenario.controller
     known = scenario.datasheet
     corrected = any(known.pickoff_gain_error) or known.pickoff_misalignment
-    plain = bool(c.filter == "none" and not c.event_threshold and not c.event_share and not corrected)
+    around = c.event_threshold or c.event_share or c.compensation_bandwidth
+    plain = bool(c.filter == "none" and not around and not corrected)
     return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL and not has_volts(scenario)
 
 

@@ -32,6 +32,7 @@ READ_ELSEWHERE = frozenset(
         "controller.observer_bandwidth",
         "controller.event_threshold",
         "controller.event_share",
+        "controller.compensation_bandwidth",
         "controller.layer_thickness",
         "controller.switching_limit",
         "adaptation.kind",

@@ -213,6 +213,14 @@ class Controller(_Controller):
         unit=FORCE,
     )
     event_share: float = field(0.0, "b: share of the acting force that event_threshold has more. 0.0: off.", ge=0)
+    compensation_bandwidth: float = field(
+        0.0,
+        "L, unit omega0: disturbance observer around any kind, the bandwidth at which the force that the nominal plant "
+        "lacks is estimated from the velocity and taken off; L times run.step at most about 0.3. An angular rate is "
+        "part of that force. 0.0: off.",
+        ge=0,
+        unit="omega0",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -357,10 +357,16 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
 
 
 def _sensing(scenario: Scenario, found: Derived) -> list[float]:
-    """Observer, filter, event trigger and known pick-offs, as sensing_of in settings.hpp lists them."""
+    """What is around the controller, as sensing_of in settings.hpp lists it."""
     c, known, positions = scenario.controller, scenario.datasheet, scenario.device.sensing == "position"
     observed = c.observer_bandwidth if positions else 0.0
-    rest = c.event_threshold, c.event_share, *known.pickoff_gain_error, known.pickoff_misalignment
+    rest = (
+        c.event_threshold,
+        c.event_share,
+        *known.pickoff_gain_error,
+        known.pickoff_misalignment,
+        c.compensation_bandwidth,
+    )
     if c.filter == "none":
         return [observed, *[0.0] * (1 + len(OF_FILTER)), *rest]
     assumed = datasheet(scenario, found)

@@ -28,6 +28,7 @@ OF_ANY_LAW = (
     "controller.observer_bandwidth",
     "controller.event_threshold",
     "controller.event_share",
+    "controller.compensation_bandwidth",
 )
 
 
