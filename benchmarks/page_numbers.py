@@ -936,6 +936,8 @@ def zoo_law(entry: str, column: str) -> str:
 
 
 ZOO = {
+    "zoo.compensable": lambda: said("compensation", r"Of (\d+) laws that take it"),
+    "zoo.compensated": lambda: said("compensation", r"take it, (\d+) have a smaller error"),
     "zoo.held": lambda: said("zoo", r"papers (\d+) are “reproduced”"),
     "zoo.verdicts": lambda: said("zoo", r"Of (\d+) verdicts on claims"),
     "zoo.nodes": lambda: zoo_part("16 Gaussian nodes instead of one constant node"),

@@ -79,16 +79,33 @@ def test_its_bandwidth_0_is_todays_run_bit_for_bit() -> None:
     np.testing.assert_array_equal(run["control"], fg.simulate(scenario)["control"])
 
 
-def test_a_law_that_asks_for_the_acting_force_still_senses_the_rate() -> None:
-    """The rate is a part of the lacking force: the laws (44) no longer see it, a joint filter does."""
+def test_the_rate_is_a_part_of_what_it_takes_off() -> None:
+    """What the laws (44) then learn is the nominal plant."""
 
-    def last(adaptation: str, bandwidth: float) -> float:
-        changes = {"controller.kind": "linear", "adaptation.kind": adaptation, "run.duration": 20.0}
-        run = fg.simulate(fg.Scenario.paper().replace({**changes, "controller.compensation_bandwidth": bandwidth}))
-        return float(np.abs(run["rate_estimate"].values[-5000:].mean() - run.attrs["angular_rate"]))
+    def last(bandwidth: float) -> float:
+        changes = {"controller.kind": "linear", "run.duration": 20.0, "controller.compensation_bandwidth": bandwidth}
+        run = fg.simulate(fg.Scenario.paper().replace(changes))
+        return float(run["rate_estimate"].values[-5000:].mean())
 
-    assert last("joint", 40.0) < 2.0 * last("joint", 0.0) + 1e-3
-    assert last("gradient", 40.0) > 5.0 * last("gradient", 0.0)
+    true = float(fg.Scenario.paper().plant.angular_rate / fg.Scenario.paper().plant.scales.rate)
+    ratio = fg.Scenario.paper().adaptation.initial_ratio
+    assert abs(last(40.0) - ratio * true) < abs(last(40.0) - true)
+    assert abs(last(0.0) - true) < abs(last(0.0) - ratio * true)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"controller.kind": "linear", "adaptation.kind": "composite"}, r"adaptation\.kind composite"),
+        ({"controller.kind": "linear", "adaptation.kind": "joint"}, r"adaptation\.kind joint"),
+        ({"controller.kind": "lqg"}, r"controller\.kind lqg"),
+        ({"controller.kind": "least_squares_pid"}, r"controller\.kind least_squares_pid"),
+    ],
+)
+def test_a_law_that_would_trust_the_nominal_plant_refuses_it(changes: dict[str, Any], words: str) -> None:
+    scenario = fg.Scenario.paper().replace(changes)
+    with pytest.raises(ScenarioError, match=rf"^controller\.compensation_bandwidth is 80\.0: for {words}, which would"):
+        scenario.replace(BANDWIDTH)
 
 
 @pytest.mark.parametrize("sensing", [{}, {"device.sensing": "position"}, {"controller.filter": "kalman"}])
@@ -111,8 +128,8 @@ def test_runs_in_parts_and_alone_are_the_same(sensing: dict[str, Any]) -> None:
     ("target", "kind", "more"),
     [
         ("host", "network", {"controller.event_threshold": 5.0}),
-        ("host", "lqg", {"device.sensing": "position"}),
-        ("fmu", "linear", {"device.sensing": "position", "adaptation.kind": "joint"}),
+        ("host", "dynamic", {"device.sensing": "position"}),
+        ("fmu", "linear", {"device.sensing": "position", "controller.filter": "kalman"}),
         ("wasm", "pid", {}),
     ],
 )

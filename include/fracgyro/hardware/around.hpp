@@ -9,8 +9,8 @@ namespace fracgyro {
 template <class Part>
 inline constexpr bool needs_velocity = requires { requires Part::needs_velocity; };
 
-// The part has step(state, coefficients, measured, missing, controller), as MotionFilter. A controller that asks for the
-// acting force receives that of the part.
+// The part has step(state, coefficients, measured, missing, controller), as MotionFilter. A controller that asks for
+// the acting force receives that of the part.
 template <Resumable Controller, class Part>
 struct Around {
     using Value = typename Controller::Value;

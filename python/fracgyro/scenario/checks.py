@@ -11,7 +11,16 @@ from pydantic import BaseModel, ValidationError, create_model
 
 from .device import GAIN_DRIFTS, MATRIX_DRIFTS
 from .disturbance import named_entries
-from .kinds import OF_FILTER, SINE_DRIVES, TWO_SINE_DRIVES, fields_of_its_kind, filtered_types, kinds_with, numbers
+from .kinds import (
+    OF_FILTER,
+    SINE_DRIVES,
+    TWO_SINE_DRIVES,
+    fields_of_its_kind,
+    filtered_types,
+    kinds_with,
+    place_of_type,
+    reports,
+)
 from .messages import scenario_error
 from .plants import check_kind
 from .printing import BY_KIND, fields_of_table, having, own_fields
@@ -32,6 +41,7 @@ def check(scenario: Any) -> None:
     _check_kind(scenario)
     _check_fields_of_its_kind(scenario)
     _check_filter(scenario)
+    _check_compensation(scenario)
     _check_reference(scenario)
     _check_estimates(scenario)
 
@@ -52,15 +62,27 @@ def _check_kind(scenario: Any) -> None:
 def _check_filter(scenario: Any) -> None:
     """A controller that filters by itself takes no filter before it."""
     c = scenario.controller
-    takes, place = filtered_types(c.kind), 0
-    if len(takes) > 1 and c.adaptive:
-        kinds = next(number.choices for number in numbers(c.kind) if number.path == "adaptation.kind")
-        place = kinds.index(scenario.adaptation.kind)
-    if c.filter != "none" and not takes[place]:
+    takes = filtered_types(c.kind)
+    if c.filter != "none" and not takes[place_of_type(scenario)]:
         of = f"adaptation.kind {scenario.adaptation.kind}" if any(takes) else f"controller.kind {c.kind}"
         raise message_error(
             f"controller.filter is {format_value(c.filter)}: for {of}, which filters the measurements itself, it must "
             "be none"
+        )
+
+
+def _check_compensation(scenario: Any) -> None:
+    """A law whose estimates state how far they are to be trusted would find the nominal plant, and trust it."""
+    c = scenario.controller
+    if c.compensation_bandwidth == 0:
+        return
+    types = reports(c.kind)
+    trusts = any(channel.name == "rate_trusted" for channel in types[place_of_type(scenario)])
+    if trusts or c.kind in SINE_DRIVES:
+        of = f"adaptation.kind {scenario.adaptation.kind}" if len(types) > 1 else f"controller.kind {c.kind}"
+        raise message_error(
+            f"controller.compensation_bandwidth is {format_value(c.compensation_bandwidth)}: for {of}, which would "
+            "no longer see the plant and the angular rate, it must be 0.0"
         )
 
 

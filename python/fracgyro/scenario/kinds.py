@@ -81,6 +81,13 @@ def filtered_types(kind: str) -> tuple[bool, ...]:
 
 
 @lru_cache
+def place_of_type(scenario: Any) -> int:
+    """The place, among the types of the scenario's kind of controller, of the one that it has."""
+    c = scenario.controller
+    choices = [number.choices for number in numbers(c.kind) if number.path == "adaptation.kind"]
+    return choices[0].index(scenario.adaptation.kind) if choices and c.adaptive else 0
+
+
 def told_types(kind: str) -> tuple[bool, ...]:
     """True for each type of this kind that receives the force to which a converter rounds its request."""
     return tuple(_core.told_types_of_kind(KINDS.index(kind)))

@@ -217,7 +217,7 @@ class Controller(_Controller):
         0.0,
         "L, unit omega0: disturbance observer around any kind, the bandwidth at which the force that the nominal plant "
         "lacks is estimated from the velocity and taken off; L times run.step at most about 0.3. An angular rate is "
-        "part of that force. 0.0: off.",
+        "part of that force: kinds that estimate it with a deviation, or drive a sine, have none. 0.0: off.",
         ge=0,
         unit="omega0",
     )

@@ -14,7 +14,17 @@ import numpy as np
 from .. import _core
 from ..fractional.kernel import core_kernel
 from .device_core import device_values, is_ideal, profiles, rate_values
-from .kinds import DEVICE_NUMBERS, KINDS, OF_FILTER, PLANT_KINDS, core_values, numbers, plant_numbers, told_types
+from .kinds import (
+    DEVICE_NUMBERS,
+    KINDS,
+    OF_FILTER,
+    PLANT_KINDS,
+    core_values,
+    numbers,
+    place_of_type,
+    plant_numbers,
+    told_types,
+)
 from .motion import Reference
 from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
@@ -136,11 +146,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
 def _told(scenario: Scenario) -> bool:
     """True if the controller, or the filter before it, receives the force to which a converter rounds its request."""
     c = scenario.controller
-    types, place = told_types(c.kind), 0
-    if len(types) > 1 and c.adaptive:
-        kinds = next(number.choices for number in numbers(c.kind) if number.path == "adaptation.kind")
-        place = kinds.index(scenario.adaptation.kind)
-    return types[place] or bool(c.filter == "kalman")
+    return told_types(c.kind)[place_of_type(scenario)] or bool(c.filter == "kalman")
 
 
 def _drifts(scenario: Scenario) -> dict[str, float]:
