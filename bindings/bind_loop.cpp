@@ -153,7 +153,7 @@ void bind_loop(nb::module_& m) {
         .def_prop_rw(
             "sensing", [](const Setup& s) { return sensing_of(s.common); },
             [](Setup& s, const SensingNumbers& numbers) { take_sensing(s.common, numbers); },
-            "What is around the controller, as sensing_of in settings.hpp lists it.")
+            "Parts around the controller, as sensing_of in settings.hpp lists them.")
         .def_prop_rw(
             "seed", [](const Setup& s) { return s.disturbance.seed; },
             [](Setup& s, std::uint64_t seed) { s.disturbance.seed = seed; })

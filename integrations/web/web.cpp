@@ -137,7 +137,7 @@ EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(c
 
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
-// The kind is a place in the registry; `sensing`: what is around a controller, as sensing_of in
+// The kind is a place in the registry; `sensing`: parts around a controller, as sensing_of in
 // settings.hpp lists them; `device`: the numbers of a dynamic rate and a real device, or nullptr. Designs the
 // exponentials of a controller with memory. Returns whether there are such.
 EXPORT bool setup_done(std::size_t kind, const double* sensing, double duration, double tolerance,

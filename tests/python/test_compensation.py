@@ -80,7 +80,7 @@ def test_its_bandwidth_0_is_todays_run_bit_for_bit() -> None:
 
 
 def test_the_rate_is_a_part_of_what_it_takes_off() -> None:
-    """What the laws (44) then learn is the nominal plant."""
+    """The laws (44) then learn the nominal plant."""
 
     def last(bandwidth: float) -> float:
         changes = {"controller.kind": "linear", "run.duration": 20.0, "controller.compensation_bandwidth": bandwidth}

@@ -105,7 +105,7 @@ inline void take_terms(DisturbanceParams& disturbance, std::span<const double> n
     }
 }
 
-// What is around a controller as numbers: the bandwidth of observer and filter, 0 without it;
+// Parts around a controller as numbers: the bandwidth of observer and filter, 0 without it;
 // noise of force, position and velocity, and the delay, that the filter assumes; threshold and share of the trigger, 0
 // without it; errors of the pick-offs' gains, and their angle; bandwidth of the disturbance observer, 0 without it.
 using SensingNumbers = std::array<double, 12>;

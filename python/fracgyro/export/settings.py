@@ -64,7 +64,7 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def sensing(scenario: Scenario) -> list[float]:
-    """What is around the controller, for the core, as sensing_of in settings.hpp lists it."""
+    """Parts around the controller, for the core, as sensing_of in settings.hpp lists them."""
     return list(core_setup(scenario).sensing)
 
 

@@ -363,7 +363,7 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
 
 
 def _sensing(scenario: Scenario, found: Derived) -> list[float]:
-    """What is around the controller, as sensing_of in settings.hpp lists it."""
+    """Parts around the controller, as sensing_of in settings.hpp lists them."""
     c, known, positions = scenario.controller, scenario.datasheet, scenario.device.sensing == "position"
     observed = c.observer_bandwidth if positions else 0.0
     rest = (
