@@ -95,7 +95,7 @@ def bias(law: str, changes: Mapping[str, Any], without: Mapping[str, Any]) -> fl
 
 
 def scale(law: str, changes: Mapping[str, Any], without: Mapping[str, Any], per: float, unit: str) -> str:
-    """Change of the scale factor at 10 deg/s, in that unit; what the filter says where the estimate is of another size.
+    """Change of the scale factor at 10 deg/s, in that unit; the words of the filter where the estimate is of another size.
 
     `per` is the unit's number in one."""
     ends = {"plant.angular_rate": math.radians(10.0)}
