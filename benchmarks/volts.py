@@ -95,9 +95,10 @@ def bias(law: str, changes: Mapping[str, Any], without: Mapping[str, Any]) -> fl
 
 
 def scale(law: str, changes: Mapping[str, Any], without: Mapping[str, Any], per: float, unit: str) -> str:
-    """Change of the scale factor at 10 deg/s, in that unit; the words of the filter where the estimate is of another size.
+    """Change of the scale factor at 10 deg/s, in that unit, of which `per` are 1.
 
-    `per` is the unit's number in one."""
+    Where the estimate is of another size, the shares of samples that the filter refused and trusted.
+    """
     ends = {"plant.angular_rate": math.radians(10.0)}
     found = []
     for each in (changes, without):
