@@ -1,9 +1,15 @@
-// Operations of a step of each controller, by a number type that counts them: flops.py writes what it prints.
+// Operations of a step of each controller, by a number type that counts them: flops.py writes what it prints. First with
+// the default gains; then of each line that it reads: a name, a kind's place, the bandwidth of the observer, and lists,
+// each after its length: the settings, poles and weights of the exponentials.
 #include "fracgyro/controllers/registry.hpp"
 #include "fracgyro/hardware/motion_filter.hpp"
+#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
 #include <cstdio>
+#include <iostream>
+#include <string>
+#include <vector>
 
 namespace fracgyro {
 namespace {
@@ -50,7 +56,7 @@ constexpr int steps = 1000;
 template <class C, class Params>
 void count(std::string_view kind, std::size_t adaptation, std::string_view sensing, const Params& params,
            const Common& common) {
-    const auto coefficients = C::prepare(params, common);
+    const auto coefficients = prepare<C>(params, common);
     typename C::State state{};
     counts = {};
     for (int n = 0; n < steps; ++n) {  // near the reference, as if noisy
@@ -92,6 +98,32 @@ void count_all(std::string_view kind, const Common& common, List<Types...>) {
     (both(static_cast<const Types*>(nullptr)), ...);
 }
 
+std::vector<double> list(std::istream& from) {
+    std::size_t length = 0;
+    from >> length;
+    std::vector<double> numbers(length);
+    std::string word;  // >> takes no infinity
+    for (double& each : numbers) {
+        from >> word;
+        each = std::stod(word);
+    }
+    return numbers;
+}
+
+void count_read(std::istream& from) {
+    std::string name;
+    std::size_t kind = 0;
+    double bandwidth = 0.0;
+    while (from >> name >> kind >> bandwidth) {
+        const std::vector<double> numbers = list(from), poles = list(from), weights = list(from);
+        const Setup setup = setup_from(kind, numbers, bandwidth, poles, weights);
+        const bool observed = bandwidth > 0.0;
+        with_controller<Counted>(setup.controller, observed, [&]<class C>() {
+            count<C>(name, 0, observed ? "position" : "full", setup.controller, setup.common);
+        });
+    }
+}
+
 }  // namespace
 }  // namespace fracgyro
 
@@ -109,4 +141,6 @@ int main() {
         (count_all<typename Entries::Type>(Entries::kind, common, typename Entries::Type::template Types<Counted>{}),
          ...);
     }(static_cast<const Registry*>(nullptr));
+    std::printf("-\n");
+    count_read(std::cin);
 }

@@ -7,10 +7,16 @@ import tempfile
 from pathlib import Path
 
 import fracgyro as fg
+from fracgyro import _core
 from fracgyro.export.compilers import SOURCES, include, system_compiler
+from fracgyro.export.settings import core_kernel
+from fracgyro.scenario.kinds import KINDS
+from fracgyro.scenario.to_core import core_setup
+from fracgyro_lab.zoo.laws import NOISE, cell, laws, sensed_base, with_gains
 from machine import command, write
 
 MEASURES_CODE = True
+DEPENDS_ON = ["lab/fracgyro_lab/zoo/gains.json", "lab/fracgyro_lab/zoo/facts/*.toml"]
 HERE = Path(__file__).parent
 ADAPTATIONS = ["gradient", "composite", "joint"]
 SENSING = {"full": "positions and velocities", "position": "positions only"}
@@ -19,13 +25,29 @@ SLIDING = ["fractional_fast_terminal", "fractional", "fast_terminal", "linear"]
 Cells = list[str]
 
 
-def counted() -> list[list[str]]:
-    """Words of each line that flops.cpp prints: kind, adaptation, sensing, and the operations of a step."""
+def law_lines() -> list[str]:
+    """Lines for flops.cpp: the laws of the zoo with its gains, each with the measurements that it has there."""
+    lines = []
+    for name, law in sorted(laws().items()):
+        tuned = with_gains(law, "noise")
+        for information in law.classes:
+            scenario = tuned.scenario(sensed_base(cell(information, NOISE)))
+            setup = core_setup(scenario)
+            lists = (_core.setup_settings(setup), *core_kernel(scenario))
+            numbers = " ".join(f"{len(each)} {' '.join(map(repr, map(float, each)))}" for each in lists)
+            lines.append(f"{name} {KINDS.index(scenario.controller.kind)} {setup.sensing[0]} {numbers}")
+    return lines
+
+
+def counted() -> tuple[list[list[str]], list[list[str]]]:
+    """Words of the lines that flops.cpp prints, of kinds and of laws: the name, adaptation, sensing, operations."""
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "flops"
         system_compiler("-std=c++20", "-O1", *include(SOURCES / "include"), HERE / "flops.cpp", "-o", program)
-        ran = subprocess.run([str(program)], capture_output=True, text=True, check=True)
-    return [line.split() for line in ran.stdout.splitlines()]
+        given = "\n".join(law_lines())
+        ran = subprocess.run([str(program)], input=given, capture_output=True, text=True, check=True)
+    kinds, _, of_laws = ran.stdout.partition("-\n")
+    return [line.split() for line in kinds.splitlines()], [line.split() for line in of_laws.splitlines()]
 
 
 def state_bytes(kind: str, adaptation: str, sensing: str) -> int:
@@ -38,12 +60,16 @@ def state_bytes(kind: str, adaptation: str, sensing: str) -> int:
     return len(fg.Controller(fg.Scenario.paper().replace(changes))._core.state)
 
 
-def row(kind: str, place: str, sensing: str, *operations: str) -> Cells:
-    adaptation = ADAPTATIONS[int(place)] if kind in SLIDING else ""
-    numbers = [float(number) for number in operations]
-    words = [f"`{kind}`", adaptation or "–", SENSING[sensing], *(f"{number:.0f}" for number in numbers)]
+def operations(counts: tuple[str, ...]) -> Cells:
+    numbers = [float(number) for number in counts]
     flops = sum(numbers[:3]) + numbers[4] + numbers[5]
-    return [*words, f"**{flops:.0f}**", str(state_bytes(kind, adaptation, sensing))]
+    return [*(f"{number:.0f}" for number in numbers), f"**{flops:.0f}**"]
+
+
+def row(kind: str, place: str, sensing: str, *counts: str) -> Cells:
+    adaptation = ADAPTATIONS[int(place)] if kind in SLIDING else ""
+    words = [f"`{kind}`", adaptation or "–", SENSING[sensing], *operations(counts)]
+    return [*words, str(state_bytes(kind, adaptation, sensing))]
 
 
 def main() -> None:
@@ -60,7 +86,20 @@ def main() -> None:
         f"| {' | '.join(heads)} |",
         "|---|---|---" + "|---:" * (len(heads) - 3) + "|",
     ]
-    lines += [f"| {' | '.join(row(*words))} |" for words in counted()]
+    kinds, of_laws = counted()
+    lines += [f"| {' | '.join(row(*words))} |" for words in kinds]
+    lines += [
+        "",
+        "## The laws of the zoo",
+        "",
+        "The same of the laws of the zoo, each with its settings and the gains that the zoo found in noise. "
+        "Operations: as the flops above.",
+        "",
+        f"| {' | '.join(['law', 'of', *heads[2:-2], 'operations'])} |",
+        "|---|---|---" + "|---:" * (len(heads) - 4) + "|",
+    ]
+    for name, _, sensing, *counts in of_laws:
+        lines.append(f"| {' | '.join([f'`{name}`', 'zoo', SENSING[sensing], *operations(tuple(counts))])} |")
     write("flops", lines)
 
 

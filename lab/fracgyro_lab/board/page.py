@@ -97,7 +97,10 @@ def _current(entry: Entry, folder: Path) -> bool:
 
 
 def counts(log: str) -> dict[tuple[str, ...], int]:
-    """Operations of a step by kind, adaptation and measurements, from the text of flops.md."""
+    """Operations of a step by kind, adaptation and measurements, from the text of flops.md.
+
+    Those of the laws of the zoo by name, "zoo" and measurements.
+    """
     found = re.findall(r"^\| `(\w+)` \| (\S+) \| ([a-z ]+) \|.*\*\*(\d+)\*\*", log, re.MULTILINE)
     return {(kind, adaptation, measured): int(count) for kind, adaptation, measured, count in found}
 
@@ -111,8 +114,9 @@ def operations_of(law: Contender, information: str, counted: Mapping[tuple[str, 
     """Operations of a step of a law of the comparison without a filter; None if they are not counted."""
     if law.fixed.get("controller.filter"):
         return None
-    place = (str(law.fixed[KIND]), str(law.fixed.get("adaptation.kind", "–")), SENSED[information])
-    return counted.get(place)
+    sensed = SENSED[information]
+    place = (str(law.fixed[KIND]), str(law.fixed.get("adaptation.kind", "–")), sensed)
+    return counted.get((law.name, "zoo", sensed), counted.get(place))
 
 
 def number(value: float | None, digits: int = 3) -> str:
