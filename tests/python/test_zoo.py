@@ -15,6 +15,7 @@ import pytest
 from click.testing import CliRunner
 from fracgyro.cli import cli
 from fracgyro.scenario.scales import Scales
+from fracgyro_lab.board.page import counts, operations_of
 from fracgyro_lab.verdicts import FAILED, HELD
 from fracgyro_lab.zoo import criteria, extra, facts, fig, laws, page, pdf, run
 from fracgyro_lab.zoo.check import missing
@@ -705,3 +706,15 @@ def test_curves_are_read_from_a_figure(tmp_path: Path) -> None:
     savemat(other, {"x": 1.0}, appendmat=False)
     with pytest.raises(fg.ScenarioError, match=r"has no curves: it must be a MATLAB figure with lines"):
         fig.lines(str(other))
+
+
+def test_operations_are_those_of_a_law_with_its_settings() -> None:
+    counted = counts((Path(__file__).parents[2] / "benchmarks/results/flops.md").read_text(encoding="utf-8"))
+    found = {name: operations_of(law, "F", counted) for name, law in laws.laws().items() if "F" in law.classes}
+    known = {name: count for name, count in found.items() if count is not None}
+    assert known.keys() == found.keys()
+    one, linear, nodes, loops, everything = (
+        known[f"network{name}"] for name in ("_constant", "_linear", "", "_loops", "_everything")
+    )
+    assert one < linear < nodes < loops < everything
+    assert known["integral_sliding"] < known["lqg"] / 10
