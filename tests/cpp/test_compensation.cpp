@@ -4,6 +4,7 @@
 
 #include "fracgyro/controllers/conventional.hpp"
 #include "fracgyro/controllers/integral_sliding.hpp"
+#include "fracgyro/controllers/lqg.hpp"
 #include "fracgyro/controllers/pid.hpp"
 #include "fracgyro/controllers/sliding_mode.hpp"
 #include "fracgyro/hardware/guard.hpp"
@@ -18,6 +19,7 @@ namespace {
 
 using Joint = SlidingModeController<double, LinearSurface, JointAdaptation>;
 using KnownJoint = FromPositions<Joint>::Type;
+using KnownLqg = FromPositions<Lqg<double>>::Type;
 template <class C, bool positions, bool filtered, bool triggered>
 using Known = ForDevice<C, positions, filtered, triggered, false, true>::Type;
 using Plain = Pid<double>;
@@ -192,37 +194,59 @@ TEST(Compensated, AGuardedOneRecoversFromBadSamples) {
 }
 
 // The controller of a known type and the one behind a table of functions, also with filter and trigger, and restored.
-template <class T, bool filtered, bool triggered>
+template <class C, bool filtered, bool triggered>
 void expect_erased() {
-    auto a = case_with<Plain>(60.0);
+    using T = C::Value;
+    auto a = case_with<C>(60.0);
     a.common.observer_bandwidth = 0.0;
     a.common.trigger.threshold = triggered ? 10.0 : 0.0;
     a.common.filter.bandwidth = filtered ? 40.0 : 0.0;
     a.common.filter.assumed = {.force_noise = 1.0, .position_noise = noise, .velocity_noise = noise};
-    using C = Known<Pid<T>, false, filtered, triggered>;
-    const auto c = C::prepare(a.law, a.common);
-    typename C::State state{};
-    auto erased = make_controller<T>(ControllerParams{a.law}, a.common);
+    using Whole = Known<C, false, filtered, triggered>;
+    const auto c = Whole::prepare(a.law, a.common);
+    typename Whole::State state{};
+    const auto make = [&] {
+        auto plain = std::make_unique<ControllerOf<C>>(ControllerParams{a.law}, a.common);
+        AnyController<T>& inner = *plain;
+        return behind_wrappers<T>(inner, a.common, std::move(plain));
+    };
+    auto erased = make();
     for (int n = 0; n < 200; ++n) {
         if (n == 100) {
             std::vector<unsigned char> bytes(erased->state_size());
             erased->save(bytes.data());
             EXPECT_EQ(erased->steps_of(bytes.data()), 100U);
-            erased = make_controller<T>(ControllerParams{a.law}, a.common);
+            erased = make();
             EXPECT_TRUE(erased->restore(bytes.data(), 100));
         }
         const double x = std::sin(0.01 * n), y = std::cos(0.01 * n);
         const Motion<T> motion{.position = {T(x), T(y)}, .velocity = {T(10.0 * y), T(-10.0 * x)}};
-        const auto known = C::step(state, c, motion), found = erased->step(motion, nullptr);
+        const auto known = Whole::step(state, c, motion), found = erased->step(motion, nullptr);
         ASSERT_EQ(number(known.force.x()), number(found.force.x())) << n;
         ASSERT_EQ(number(known.force.y()), number(found.force.y())) << n;
     }
 }
 TEST(Compensated, TheErasedControllerHasTheSameBits) {
-    expect_erased<double, false, false>();
-    expect_erased<double, true, false>();
-    expect_erased<double, true, true>();
-    expect_erased<float, false, true>();
+    expect_erased<Pid<double>, false, false>();
+    expect_erased<Pid<double>, true, false>();
+    expect_erased<Pid<double>, true, true>();
+    expect_erased<Pid<float>, false, true>();
+    expect_erased<Lqg<double>, false, false>();
+    expect_erased<Lqg<double>, false, true>();
+}
+
+TEST(Compensated, TheErasedControllerNeedsTheVelocity) {
+    auto a = case_with<KnownLqg>(0.0);
+    const auto needs = [&] {
+        ControllerOf<KnownLqg> plain(ControllerParams{a.law}, a.common);
+        const auto around = behind_wrappers<double>(plain, a.common);
+        return around == nullptr ? plain.needs_velocity() : around->needs_velocity();
+    };
+    EXPECT_FALSE(needs());
+    a.common.trigger.threshold = 1.0;
+    EXPECT_FALSE(needs());
+    a.common.compensation_bandwidth = 60.0;
+    EXPECT_TRUE(needs());
 }
 
 }  // namespace
