@@ -117,6 +117,20 @@ TYPED_TEST(CompensationOf, WithoutSamplesItKeepsWhatItFound) {
     EXPECT_EQ(number(this->state.observer.force.x()), found);
 }
 
+TYPED_TEST(CompensationOf, StartedOverItHasNoPredictionAndForgetsOnRequest) {
+    for (const bool keep : {true, false}) {
+        for (int n = 0; n < 200; ++n) {
+            this->step({3.0, 0.5});
+        }
+        const double found = number(this->state.observer.force.x());
+        Compensation<TypeParam>::start_over(this->state, keep);
+        EXPECT_EQ(number(this->state.observer.force.x()), keep ? found : 0.0);
+        this->motion.velocity = {50.0, -70.0};  // not of the plant
+        this->step({3.0, 0.5});
+        EXPECT_EQ(number(this->state.observer.force.x()), keep ? found : 0.0);
+    }
+}
+
 TYPED_TEST(CompensationOf, AForceThatActsInsteadIsNotTakenForADisturbance) {
     const auto c = Compensation<TypeParam>::prepare(this->common);
     const auto plant = Gyroscope<double>::prepare({.damping = this->common.nominal.damping,
