@@ -1,6 +1,6 @@
-// Operations of a step of each controller, by a number type that counts them: flops.py writes what it prints. First with
-// the default gains; then of each line that it reads: a name, a kind's place, the bandwidth of the observer, and lists,
-// each after its length: the settings, poles and weights of the exponentials.
+// Operations of a step of each controller, by a number type that counts them: flops.py writes the output. First with the
+// default gains; then of each line that it reads: a name, a kind's place, the bandwidth of the observer, and lists,
+// each after its length: the settings, and poles and weights of the exponentials.
 #include "fracgyro/controllers/registry.hpp"
 #include "fracgyro/hardware/motion_filter.hpp"
 #include "fracgyro/sim/settings.hpp"
