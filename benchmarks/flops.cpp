@@ -1,5 +1,5 @@
-// Operations of a step of each controller, by a number type that counts them: flops.py writes the output. First with the
-// default gains; then of each line that it reads: a name, a kind's place, the bandwidth of the observer, and lists,
+// Operations of a step of each controller, by a number type that counts them: flops.py writes the output. First with
+// the default gains; then of each line that it reads: a name, a kind's place, the bandwidth of the observer, and lists,
 // each after its length: the settings, and poles and weights of the exponentials.
 #include "fracgyro/controllers/registry.hpp"
 #include "fracgyro/hardware/motion_filter.hpp"
