@@ -203,6 +203,13 @@ def test_the_joint_filter_is_refused_before_anything_is_compiled(monkeypatch: py
         trace(SHORT.replace({"controller.kind": "lock_in"}))
 
 
+def test_an_observer_around_the_controller_is_refused_by_name() -> None:
+    with pytest.raises(
+        ValueError, match=r"^controller\.compensation_bandwidth is 40\.0: it must be 0\.0 for this target"
+    ):
+        trace(SHORT.replace({"controller.kind": "pid", "controller.compensation_bandwidth": 40.0}))
+
+
 def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
     output = compared_units("units.v", "bench.v", "units.cpp", tmp_path)
     rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) subnormal$", output, re.MULTILINE)

@@ -73,6 +73,14 @@ def test_a_lasting_force_leaves_no_error_and_is_what_is_taken_off() -> None:
     assert np.abs(ends[1]).max() < 1e-6 * np.abs(ends[0]).max()
 
 
+def test_a_hidden_step_of_delay_hardly_changes_the_error() -> None:
+    def error(delay: int) -> float:
+        scenario = PD.replace({**BANDWIDTH, **NOISE, "run.duration": 5.0, "device.delay": delay})
+        return float(np.sqrt((fg.simulate(scenario)["error"].values[2500:] ** 2).mean()))
+
+    assert error(1) < 1.5 * error(0)
+
+
 def test_its_bandwidth_0_is_todays_run_bit_for_bit() -> None:
     scenario = PD.replace(NOISE)
     run = fg.simulate(scenario.replace({"controller.compensation_bandwidth": 0.0}))
