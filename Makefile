@@ -40,8 +40,9 @@ WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
 # With address randomization, the sanitizers of some compilers fail on some kernels.
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
-# The slowest tests are listed: they are worth a look before others.
-PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=25 --durations-min=1
+# The slowest tests are listed: they are worth a look before others. BLAS's threads of several processes would wait for
+# each other.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=25 --durations-min=1
 CPP := $(shell find include bindings integrations fpga examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
 BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
   $(shell find integrations -type f)

@@ -3,10 +3,7 @@
     python benchmarks/faults.py [--quick]
 
 The paper's gyroscope and noise, the exact plant, a force limit of 6000. A fault begins at t = 20 and the loop is
-                                                                                                  observed for 40 units
-                                                                                                  of time. Quick: three
-                                                                                                  faults, and 10⁵ steps
-                                                                                                  without any.
+observed for 40 units of time. Quick: three faults, and 10⁵ steps without any.
 """
 
 from __future__ import annotations
@@ -21,14 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
-import numpy as np
-from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.scenario.kinds import KINDS
 from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.shipped import SHIPPED
-from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
+from scenario_files import write_files
 
 DEPENDS_ON = ["sliding_mode", "composite", "joint", "benchmarks/faults.cpp", "benchmarks/scenario_files.hpp"]
 
@@ -112,10 +107,7 @@ class Program:
     def __call__(
         self, scenario: fg.Scenario, number: Number, mode: str, *words: float, faults: Sequence[Fault] = ()
     ) -> list[Any]:
-        setup = core_setup(scenario)
-        np.array(_core.setup_settings(setup)).tofile(self._folder / "numbers")
-        for name, values in zip(("poles", "weights"), _core.setup_kernel(setup), strict=True):
-            np.array(values).tofile(self._folder / name)
+        write_files(scenario, self._folder)
         ran = subprocess.run(
             [self._folder / "faults", str(KINDS.index(scenario.controller.kind)), number, mode, *map(str, words)],
             cwd=self._folder,

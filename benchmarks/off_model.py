@@ -20,12 +20,12 @@ from typing import Any
 
 import fracgyro as fg
 import numpy as np
-from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, include, system_compiler
 from fracgyro.scenario.device_core import profiles
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.to_core import core_setup, device_numbers
+from fracgyro.scenario.to_core import device_numbers
 from machine import command, machine, write
+from scenario_files import write_files
 
 DEPENDS_ON = ["sliding_mode", "joint", "composite", "benchmarks/off_model.cpp", "benchmarks/scenario_files.hpp"]
 
@@ -82,15 +82,12 @@ class Program:
         system_compiler(*FLAGS, "-O2", *include(SOURCES / "include"), source, "-o", folder / "off_model")
 
     def __call__(self, scenario: fg.Scenario, checked: bool, faults: list[str], until: int = UNTIL) -> list[Any]:
-        setup = core_setup(scenario)
         with tempfile.TemporaryDirectory(dir=self._folder) as name:
             folder = Path(name)
-            np.array(_core.setup_settings(setup)).tofile(folder / "numbers")
+            write_files(scenario, folder)
             np.array(list(device_numbers(scenario).values())).tofile(folder / "device")
             for kind, points in zip(("rate", "temperature"), profiles(scenario), strict=True):
                 np.array(points).tofile(folder / kind)
-            for kind, values in zip(("poles", "weights"), _core.setup_kernel(setup), strict=True):
-                np.array(values).tofile(folder / kind)
             sensing = "both" if scenario.device.sensing == "full" else "position"
             if scenario.adaptation.kind == "composite":
                 sensing = "composite"

@@ -1,5 +1,5 @@
-// The files that faults.py and off_model.py leave for their programs: "numbers" (in the order of settings.hpp), "poles"
-// and "weights" of the exponentials.
+// The files that faults.py and off_model.py leave for their programs: "numbers" and "sensing" (in the order of
+// settings.hpp), "poles" and "weights" of the exponentials.
 #pragma once
 
 #include "fracgyro/sim/settings.hpp"
@@ -22,11 +22,14 @@ inline std::vector<double> read(const char* name) {
 // False if there are not as many numbers as its kind of controller has.
 template <class Setup>
 bool take_files(Setup& setup) {
-    const auto numbers = read("numbers"), poles = read("poles"), weights = read("weights");
-    if (numbers.size() != fracgyro::setting_count(setup)) {
+    const auto numbers = read("numbers"), sensing = read("sensing"), poles = read("poles"), weights = read("weights");
+    fracgyro::SensingNumbers around{};
+    if (numbers.size() != fracgyro::setting_count(setup) || sensing.size() != around.size()) {
         return false;
     }
     fracgyro::take_settings(setup, numbers.data());
+    std::copy(sensing.begin(), sensing.end(), around.begin());
+    fracgyro::take_sensing(setup.common, around);
     if (fracgyro::ExponentialSum* const kernel = fracgyro::kernel_of(setup.controller); kernel != nullptr) {
         std::copy(poles.begin(), poles.end(), kernel->poles.begin());
         std::copy(weights.begin(), weights.end(), kernel->weights.begin());

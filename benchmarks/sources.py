@@ -62,6 +62,7 @@ WITHOUT_LOG = {
     "experiments_page": "runs the examples of docs/experiments.md, which a test compares",
     "front_picture": "draws docs/compare.svg, which a test compares",
     "readme_picture": "draws docs/run.svg, which a test compares",
+    "scenario_files": "writes the files that faults and off_model leave for their programs",
     "record_pictures": "makes examples/records, whose figures a test compares, and their pictures",
 }
 STAMP = re.compile(

@@ -5,13 +5,9 @@
     python tests/fuzz/fuzz_x.py --known NAME ...           some of it
 
 A fuzzer is a script with one or more targets. Each has `make`, which makes the bytes of an input from a random
-generator,
-and `check`, which tries them in an empty folder and returns "worked" or "refused", or raises. Input n depends only on
-                                                                                               the seed and n. Failed
-                                                                                               inputs are added to
-                                                                                               tests/fuzz/corpus/<x>.jsonl,
-                                                                                               one per line, with which
-                                                                                               every run begins.
+generator, and `check`, which tries them in an empty folder and returns "worked" or "refused", or raises. Input n
+depends only on the seed and n. Failed inputs are added to tests/fuzz/corpus/<x>.jsonl, one per line, with which every
+run begins.
 """
 
 from __future__ import annotations

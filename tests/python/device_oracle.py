@@ -1,12 +1,7 @@
 """Independent reference for the loop with a dynamic rate and a real device: plain NumPy, and solve_ivp between samples.
 
 The control law is fracgyro.Controller's, which oracle.py checks; everything around it is transcribed here. Noise is an
-                                                                                                            input: the
-                                                                                                            measurement
-                                                                                                            errors of a
-                                                                                                            run, and its
-                                                                                                            disturbance
-                                                                                                            rate.
+input: the measurement errors of a run, and its disturbance rate.
 """
 
 from __future__ import annotations

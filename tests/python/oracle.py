@@ -1,7 +1,8 @@
 """An independent, slow reference of the closed loop, straight from the paper: full history, full matrices, plain NumPy.
-It shares only the scenario with the package, and the disturbance is an input. Where the package
-sums exponentials, this integrates the true kernel against the whole history; where the package stores
-three entries of a symmetric matrix, this lets the adaptation laws move all four.
+
+It shares only the scenario with the package, and the disturbance is an input. Where the package sums exponentials, this
+integrates the true kernel against the whole history; where the package stores three entries of a symmetric matrix, this
+lets the adaptation laws move all four.
 """
 
 from __future__ import annotations
@@ -17,10 +18,9 @@ from scipy.special import gamma, roots_jacobi
 def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarray]:
     """Run `scenario` under `disturbance`, shape (samples, 2), its force over each step; returns histories.
 
-    Sample n is at t = n h. Position and velocity are measured there, the force found from them is held until
-    the next sample, and the estimates then advance by an Euler step. Options that the paper does not have (force limit,
-                                                                      leakage, dead zone, projection) are not
-                                                                      implemented.
+    Sample n is at t = n h. Position and velocity are measured there, the force found from them is held until the next
+    sample, and the estimates then advance by an Euler step. Options that the paper does not have (force limit, leakage,
+    dead zone, projection) are not implemented.
     """
     c, a, h = scenario.controller, scenario.adaptation, scenario.run.step
     true_damping, true_stiffness, rate, more_damping, more_stiffness = scenario.plant.nondimensional()

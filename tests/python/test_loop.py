@@ -207,6 +207,20 @@ def test_noisy_positions_enter_the_fractional_operator_as_into_a_kalman_filter(r
     np.testing.assert_allclose(run["surface"].values, surface, rtol=0, atol=1e-5)
 
 
+def test_faulty_velocities_leave_no_offset_in_the_fractional_operator_if_positions_are_noisy() -> None:
+    # Stated velocities without noise: only the smallest share of the position brings the operator's error back.
+    exact = {"device.position_noise_density": 0.0, "datasheet.position_noise": 1e-4, "datasheet.velocity_noise": 0.0}
+    scenario = PAPER.replace({**KNOWN, **SENSED, **exact, "run.step": 0.01, "reference.amplitude": (0.0, 0.0)})
+    healthy, faulty = fg.Controller(scenario), fg.Controller(scenario)
+    apart = []
+    for n in range(6000):
+        wrong = 1.0 if 100 <= n < 120 else 0.0
+        forces = [law.step(0.01 * n, (0.0, 0.0), (v, 0.0)) for law, v in ((healthy, 0.0), (faulty, wrong))]
+        apart.append(abs(forces[1][0] - forces[0][0]))
+    assert apart[130] > 0.5
+    assert max(apart[5000:]) < 0.05 * apart[130]
+
+
 @pytest.mark.parametrize(("sensing", "at_most"), [("full", 0.7), ("position", 0.97)])
 def test_what_a_controller_knows_of_the_noise_saves_chattering_and_costs_no_accuracy(
     sensing: str, at_most: float

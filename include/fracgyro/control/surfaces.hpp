@@ -54,7 +54,8 @@ struct SurfaceParams {
 
 // Share χ of the measured position in the error that the fractional operator differentiates, if the positions are
 // noisy: the gain of the stationary Kalman filter for a position whose velocity is measured, λ = h σ_v/σ_q. The
-// velocity noise of an observer is what one sample adds. Exact or filtered positions: 1, the given ones.
+// velocity noise of an observer is what one sample adds. Exact or filtered positions: 1, the given ones. λ >= h/10, so
+// that an offset of ē, as faulty velocities leave it, decays within ten units of time.
 inline double position_share(const Datasheet& assumed, const Common& common) {
     if (common.filter.on()) {
         return 1.0;
@@ -62,7 +63,10 @@ inline double position_share(const Datasheet& assumed, const Common& common) {
     const double forgets = exponential(-common.observer_bandwidth * common.step);
     const double observed = 1.5 * (1.0 - forgets * forgets) * (1.0 - forgets) * assumed.position_noise;
     const double travel = common.observer_bandwidth > 0.0 ? observed : common.step * assumed.velocity_noise;
-    const double ratio = assumed.position_noise > 0.0 ? travel / assumed.position_noise : 1e9;
+    if (!(assumed.position_noise > 0.0)) {
+        return 1.0;
+    }
+    const double ratio = maximum(travel / assumed.position_noise, 0.1 * common.step);
     return ratio < 1e8 ? 2.0 * ratio / (square_root(ratio * ratio + 4.0) + ratio) : 1.0;
 }
 
