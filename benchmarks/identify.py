@@ -16,7 +16,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "tests/python"))
 
 DEPENDS_ON = ["python/fracgyro/identification/entry.py", "tests/python/bench_records.py"]
 
-SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 500
 MILLION = 1_000_000
 
 
@@ -91,11 +91,11 @@ def main() -> None:
             alarms += failed(tests(found.fit, found.spectra, found.segments))
         lines.append(f"| decay, {name} | {samples:,} | {noise:g} | {row(errors, squares, alarms, used / SEEDS)}")
         print(lines[-1], flush=True)
-    few = max(SEEDS // 3, 1)  # slow fits
+    few, fewest = max(SEEDS // 3, 1), max(SEEDS // 8, 1)  # slow fits
     push, leak = 1e-2 * np.array([[1.0, 0.0], [0.0, 0.9]]), np.array([[0.02, 0.005], [0.003, 0.03]])
     for name, device, samples, count in (
-        ("dual mass", bench.DUAL_MASS, 8192, SEEDS),
-        ("paper", bench.PAPER, 8192, few),
+        ("dual mass", bench.DUAL_MASS, 8192, few),
+        ("paper", bench.PAPER, 8192, fewest),
     ):
         errors, squares, alarms, used = [], [], 0, 0.0
         for seed in range(count):
@@ -180,7 +180,7 @@ def main() -> None:
     for turn in (0.02, 0.001, 0.0):
         device = replace(bench.DUAL_MASS, turn=turn)
         inside, halves, missing = [], [], 0
-        count = max(SEEDS // 4, 1)
+        count = max(SEEDS // 5, 1)
         for seed in range(count):
             found = fg.identify(device.record(50_000, 12.6, 1e-3, seed))
             truth = {"pickoff_ratio": device.ratio, "rate": device.rate}

@@ -332,6 +332,26 @@ def test_the_sweep_of_a_real_resonator_gives_the_published_numbers() -> None:
 
 
 @needs_real
+def test_the_quality_factor_of_a_real_sweep_is_that_of_the_ring_downs_of_the_device() -> None:
+    quality = fg.identify([REAL / "sweep_5V.csv"])["quality_1"]
+    table = np.genfromtxt(REAL / "ringdown_results.csv", delimiter=",", names=True)
+    each = np.pi * table["frequency_sine_fit_hz"] * 1e-3 * table["decay_time_ms"]
+    for ring_down in (3018.0, float(np.mean(each))):  # published, and of the table
+        assert quality.value == pytest.approx(ring_down, rel=0.08)
+        assert quality.interval[0] < ring_down < quality.interval[1]
+
+
+@needs_real
+def test_the_frequency_of_a_real_resonator_falls_with_its_amplitude() -> None:
+    table = np.genfromtxt(REAL / "ringdown_results.csv", delimiter=",", names=True)
+    amplitude, frequency = 1e-3 * table["initial_amplitude_mv"], table["frequency_sine_fit_hz"]
+    errors = table["frequency_sine_fit_error_hz"]
+    found = line("f", "V^2", "Hz/V^2", amplitude**2, frequency, errors)
+    assert found.slope + 3 * found.slope_deviation < 0
+    assert found.slope == pytest.approx(-7716, rel=0.3)  # 10 Hz at 36 mV
+
+
+@needs_real
 def test_the_bias_slope_of_a_real_resonator_is_the_published_one() -> None:
     table = np.genfromtxt(REAL / "bias_results.csv", delimiter=",", names=True)
     frequency = table["resonance_frequency_hz"]

@@ -15,7 +15,7 @@ from .forced import MAX_DELAY, Delay, delayed, fractional, spectrum_of
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
 from .records import Segment, part
-from .spectra import Spectrum, band, clearest, first_band, visible
+from .spectra import Spectrum, band, clearest, first_band, spread, visible
 from .start import linear_start
 from .thermal import only_white, weights
 
@@ -175,8 +175,9 @@ def _wide_enough(one: Spectrum, low: float, high: float) -> Spectrum:
 
 def _first_noise(one: Spectrum) -> Array:
     """Noise of each channel from the median of its bins; at least a millionth of the largest."""
-    size = np.abs(one.motion)
-    return np.asarray(np.maximum(np.median(size, axis=0) / np.sqrt(2 * np.log(2)), 1e-6 * size.max(axis=0)))
+    largest = np.sqrt((one.motion.real**2 + one.motion.imag**2).max(axis=0))
+    middle = np.median(np.abs(spread(one.motion)), axis=0)
+    return np.asarray(np.maximum(middle / np.sqrt(2 * np.log(2)), 1e-6 * largest))
 
 
 def _start(
