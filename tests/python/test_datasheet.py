@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from fracgyro.cli import cli
-from fracgyro.rate import procedures, thermal
+from fracgyro.rate import accelerations, procedures, thermal
 from fracgyro.rate.datasheet import TITLES
 from fracgyro.rate.in_volts import angle_drift, angle_figures, slopes, volts_figures
 from fracgyro.rate.plots import angle_chart
@@ -210,6 +210,32 @@ def test_a_power_cycle_starts_later_on_the_same_motion() -> None:
     assert len({point.at for point in sheet.points}) == 4
 
 
+def test_a_vibration_near_the_mode_is_read_as_a_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Share a/(2 A omega), as the force m share a of y resembles that of the rate, 2 m Omega omega A, at that phase."""
+    monkeypatch.setattr(accelerations, "FREQUENCIES", ())
+    monkeypatch.setattr(accelerations, "NEAR", 1 + 5 / (OMEGA / math.tau))  # 5 Hz, by loops of 90 Hz and more
+    ripples = []
+    for share in (1e-3, 5e-4, 0.0):
+        found, sheet = rows(
+            accelerations.accelerations, sensor({"device.acceleration_share": (0.0, share), "run.duration": 9000.0})
+        )
+        ripples.append(found["sine_ripple_y"].value)
+        for key, row in found.items():
+            assert row.value == 0.0 or (share > 0.0 and not key.endswith("_x")), key
+    amplitude = math.degrees(1e-3 * 9.80665 / (2 * PLANT.reference_length * OMEGA))
+    assert ripples[0] == pytest.approx(amplitude / math.sqrt(2), rel=0.05)
+    assert ripples[1] == pytest.approx(ripples[0] / 2, rel=0.01)
+    assert {point.clause for point in sheet.points} == {"12.11", "12.17"}
+
+
+def test_an_acceleration_that_a_run_does_not_survive_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(accelerations, "SHOCK", 1e9)
+    found, _ = rows(accelerations.accelerations, sensor({"device.acceleration_share": (1.0, 1.0)}))
+    assert math.isnan(found["shock_x"].value)
+    assert "diverges" in found["shock_x"].note
+    assert math.isfinite(found["sine_ripple_x"].value)
+
+
 # -- The datasheet -----------------------------------------------------------------------------------------------------
 
 
@@ -227,7 +253,9 @@ def test_a_datasheet_has_every_clause_and_never_a_zero_for_what_is_missing(tmp_p
     )
     assert {row["clause"] for row in found} == TITLES.keys()
     missing = [row for row in found if MISSING in row["note"]]
-    assert {"warm_up", "g_sensitivity", "shock", "voltage", "readout", "angle_drift"} <= {row["key"] for row in missing}
+    assert {"warm_up", "g_sensitivity_x", "shock_y", "voltage", "readout", "angle_drift"} <= {
+        row["key"] for row in missing
+    }
     assert all(row["value"] is None for row in missing)
     measured = {row["key"]: row["value"] for row in found if row not in missing}
     assert measured["polarity"] == 1.0

@@ -367,3 +367,46 @@ def test_the_bound_of_the_rate_is_that_of_white_noise_only() -> None:
     assert one.force == two.force == 0.2
     assert noise_of(with_list({"kind": "noise", "density": 0.1}, ENTRIES["pulse"])) is None
     assert noise_of(with_list({"kind": "none"}, {"kind": "none"})) is None
+
+
+# -- Share of an acceleration ------------------------------------------------------------------------------------------
+
+SHARES = (0.25, -0.5)
+SHARED: dict[str, Entry] = {
+    "sine": {"amplitude": [0.25 * 0.3, -0.5 * 0.4]},
+    "step": {"amplitude": [0.25 * 2.0, -0.5 * -1.0]},
+    "pulse": {"amplitude": [0.25 * 30.0, -0.5 * -4.0]},
+    "vibration": {"weights": [0.25, 0.25]},
+    "table": {"points": [[0.0, 0.0, -1.0], [0.1, 0.25, 0.5], [0.25, 0.125, -1.0]]},
+}
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_an_acceleration_drives_each_mode_by_its_share_and_a_force_as_it_is(name: str) -> None:
+    force = ENTRIES[name]
+    shared = {"device.acceleration_share": SHARES, "disturbance": [LIST[0], {**force, "quantity": "acceleration"}]}
+    np.testing.assert_array_equal(drawn(PAPER.replace(shared)), drawn(with_list(LIST[0], {**force, **SHARED[name]})))
+    kept = {"device.acceleration_share": SHARES, "disturbance": [LIST[0], force]}
+    np.testing.assert_array_equal(drawn(PAPER.replace(kept)), drawn(with_list(LIST[0], force)))
+
+
+def test_the_share_also_makes_noise_smaller_and_what_a_controller_knows_of_it() -> None:
+    def made(share: object, **entry: object) -> fg.Scenario:
+        entries = [{"seed": SEED, "kind": "noise", "quantity": "acceleration", **entry}]
+        return PAPER.replace({"device.acceleration_share": share, "disturbance": entries})
+
+    whole, half = (made(share, standard_deviation=2.0) for share in (None, (0.5, -0.5)))
+    np.testing.assert_array_equal(drawn(half), 0.5 * drawn(whole))
+    assert datasheet(half).force_noise == 0.5 * datasheet(whole).force_noise
+    assert (
+        guard(half.replace({"guard.checked": True})).force_tolerance
+        < 0.51 * guard(whole.replace({"guard.checked": True})).force_tolerance
+    )
+    banded, shared = (made(share, density=0.01, band=[10.0, 70.0]) for share in (None, (1.0, 0.5)))
+    np.testing.assert_allclose(drawn(shared), [1.0, 0.5] * drawn(banded), rtol=1e-12)
+    dense, thin = (made(share, density=0.01) for share in (None, (0.5, 0.5)))
+    np.testing.assert_allclose(drawn(thin), 0.5 * drawn(dense), rtol=1e-15)
+    with pytest.raises(
+        fg.ScenarioError, match=r"share is \[1.0, 0.5\]: its numbers must have the same size"
+    ):
+        made((1.0, 0.5), standard_deviation=2.0)

@@ -14,6 +14,7 @@ from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from . import plots
+from .accelerations import accelerations
 from .in_volts import AngleDrift, angle_drift, angle_figures, volts_figures
 from .measure import Characterization, measure
 from .procedures import (
@@ -23,7 +24,6 @@ from .procedures import (
     OF_RATE,
     Row,
     Sheet,
-    absent,
     axes,
     clauses,
     of_rates,
@@ -67,9 +67,9 @@ def datasheet(
 
     Returns the rows in the order of the clauses: the figures of `fg.rate.characterise`; polarity and asymmetry; bias
     and scale factor over the temperature, hysteresis and warm-up; repeatability over power cycles; rates about x and y;
-    angle storage and run-down of the undriven vibration; for a device in volts its voltages, readout, noise shares and
-    biases. A row whose effect the scenario lacks has no value and the note "not in the scenario". points.csv has every
-    point of these procedures.
+    bias by accelerations, vibrations and shocks; angle storage and run-down of the undriven vibration; for a device in
+    volts its voltages, readout, noise shares and biases. A row whose effect the scenario lacks has no value and the
+    note "not in the scenario". points.csv has every point of these procedures.
 
     `controller`: replaces the scenario's controller, as in `fracgyro.simulate`; it must report rate_estimate. `quick`:
     2 noise seeds instead of 8, and 6 power cycles instead of 16. `rest`: device time of the static test in s, as in
@@ -98,7 +98,6 @@ def datasheet(
             show(done, len(own) + 1, doing)
             procedure()
         show(len(own), len(own) + 1, "electrodes")
-        absent(sheet)
         drift = angle_drift(sensor)
         rows = clauses([*_of_results(results(measured), sensor, drift), *sheet.rows])
         show(1, 1, "writing")
@@ -113,6 +112,7 @@ def _steps(sheet: Sheet, sensor: Sensor, quick: bool) -> Iterator[tuple[str, Cal
     yield "warm-up", lambda: warm_up(sheet, few)
     yield "power cycles", lambda: power_cycles(sheet, sensor, FEW_CYCLES if quick else CYCLES)
     yield "axis alignment", lambda: axes(sheet, few)
+    yield "accelerations", lambda: accelerations(sheet, sensor)
     yield "run-down", lambda: undriven(sheet, sensor.scenario)
 
 

@@ -277,22 +277,6 @@ def run_down_time(time: Array, energy: Array) -> float:
     return -2 / slope if slope < 0 else math.nan
 
 
-# Clauses whose effects no scenario can have yet: clause, key, name, quantity to vary, unit.
-ABSENT: Sequence[tuple[str, str, str, str, str]] = (
-    ("12.11", "g_sensitivity", "Bias by acceleration", "±1 g along each axis", "deg/h/g"),
-    ("12.11", "g_squared", "Bias by acceleration, second order", "±1 g along each axis", "deg/h/g²"),
-    ("12.17", "sine_vibration", "Rectification of a sinusoidal vibration", "frequency, at 1 g", "deg/h/g²"),
-    ("12.17", "random_vibration", "Noise by a random vibration", "a flat density", "deg/sqrt(h)"),
-    ("12.17", "shock", "Output after a shock", "half a sine", "deg"),
-)
-
-
-def absent(sheet: Sheet) -> None:
-    """Rows of clauses 12.11 and 12.17, about accelerations: a scenario does not state their share on the modes."""
-    for clause, key, name, varied, unit in ABSENT:
-        sheet.missing(clause, key, name, varied, unit)
-
-
 def clauses(rows: Sequence[Row]) -> list[Row]:
     """The rows in the order of the standard; those of a clause as found."""
 

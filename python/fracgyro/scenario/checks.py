@@ -147,7 +147,14 @@ def _check_whole_steps(name: str, time: float, least: int, step: float, after: s
 
 def _check_disturbance(scenario: Any) -> None:
     highest = math.pi / scenario.run.step
+    share = scenario.device.acceleration_share or (1.0, 1.0)
     for name, entry in named_entries(scenario.disturbance):
+        white = entry.kind == "noise" and entry.band is None
+        if white and entry.quantity == "acceleration" and abs(share[0]) != abs(share[1]):
+            raise message_error(
+                f"device.acceleration_share is {toml_value(share)}: its numbers must have the same size for {name}, "
+                "noise without a band, which is as strong on both axes"
+            )
         if entry.kind == "noise" and entry.hold is not None:
             _check_whole_steps(f"{name}.hold", entry.hold, 1, scenario.run.step, "; left out, it is one step")
         field = "psd" if entry.kind == "vibration" else "band"

@@ -11,7 +11,7 @@ from pydantic import create_model, model_validator
 
 from .kinds import si_table_fields
 from .points import OptionalPoints, Points
-from .table import NonNegative, Table, field, message_error, of_other_kinds, toml_value
+from .table import NonNegative, Pair, Table, field, message_error, of_other_kinds, toml_value
 
 Array = NDArray[np.float64]
 # Drifts with the temperature, in ppm/K, in addition to the common ones of stiffness and damping.
@@ -149,6 +149,13 @@ class Device(_Device):
         unit="K",
     )
     warm_up_time: float = field(60.0, "s: time constant of the warm-up.", gt=0, unit="s")
+    acceleration_share: Pair | None = field(
+        None,
+        "[x, y]: how much of an acceleration of the frame drives each mode, by which entries of [disturbance] with "
+        "quantity acceleration are multiplied. A single mass: ones; balanced masses: their imbalance. Not set: off, "
+        "ones.",
+        unit="1",
+    )
     hysteresis: NonNegative = field(
         0.0,
         "K: what drifts with temperature follows it only beyond this much of backlash, to either side. 0.0: off.",

@@ -21,10 +21,41 @@ SETTABLE = ("none", "noise", "sine")
 Columns = tuple[list[float], list[float], list[float]]
 
 
+def acting(scenario: Scenario) -> tuple[Entry, ...]:
+    """The entries of the disturbance as they drive the modes: accelerations times device.acceleration_share."""
+    share = scenario.device.acceleration_share
+    if share is None:
+        return scenario.disturbance.entries
+    return tuple(
+        _shared(entry, share) if entry.quantity == "acceleration" else entry for entry in scenario.disturbance.entries
+    )
+
+
+def _shared(entry: Entry, share: tuple[float, float]) -> Entry:
+    along_x, along_y = share
+    if rows := spectrum(entry):
+        x, y = _weights(entry)
+        weights = (abs(along_x) * x, abs(along_y) * y)
+        return entry.model_copy(update={"kind": "vibration", "psd": tuple(rows), "weights": weights, "band": None})
+    if entry.kind == "noise":  # of the same size on both axes, as checks.py requires
+        deviation, density = entry.standard_deviation, entry.density
+        if deviation is not None:
+            return entry.model_copy(update={"standard_deviation": abs(along_x) * deviation})
+        return entry.model_copy(update={"density": along_x * along_x * (density or 0.0)})
+    if entry.points is not None:
+        points = tuple((time, along_x * x, along_y * y) for time, x, y in entry.points)
+        return entry.model_copy(update={"points": points})
+    if entry.amplitude is not None:
+        x, y = entry.amplitude
+        return entry.model_copy(update={"amplitude": (along_x * x, along_y * y)})
+    return entry
+
+
 def first_part(scenario: Scenario) -> dict[str, Any]:
     """Numbers of the first part of the force d of eq. (9)."""
-    d = scenario.disturbance
-    found = {name: getattr(d, name) for name in ("seed", "amplitude", "frequency", "phase")}
+    d = acting(scenario)[0]
+    found = {name: getattr(d, name) for name in ("amplitude", "frequency", "phase")}
+    found["seed"] = scenario.disturbance.seed
     if not _is_settable(d):
         return found | {"kind": "none", "hold_steps": 1, "standard_deviation": 1.0}
     return found | {"kind": d.kind, **_drawn(d, scenario.run.step)}
@@ -33,7 +64,7 @@ def first_part(scenario: Scenario) -> dict[str, Any]:
 def terms(scenario: Scenario) -> list[tuple[dict[str, float], Columns]]:
     """The terms: their numbers by name, and the columns of their rows."""
     step, found = scenario.run.step, []
-    for place, entry in enumerate(scenario.disturbance.entries):
+    for place, entry in enumerate(acting(scenario)):
         if entry.kind == "none" or (place == 0 and _is_settable(entry)):
             continue
         values = {
@@ -76,13 +107,13 @@ def spectrum(entry: Entry) -> list[tuple[float, float]]:
 
 def largest_force(scenario: Scenario) -> float:
     """A bound of the disturbance on each axis, which noise practically never exceeds."""
-    return sum((_largest(entry, scenario.run.step) for entry in scenario.disturbance.entries), 0.0)
+    return sum((_largest(entry, scenario.run.step) for entry in acting(scenario)), 0.0)
 
 
 def white_noise(scenario: Scenario) -> float:
     """Standard deviation of white noise, drawn every step, that is as dense as the random entries at their densest."""
     found = []
-    for entry in scenario.disturbance.entries:
+    for entry in acting(scenario):
         if rows := spectrum(entry):
             densest = max(density for _, density in rows) * max(_weights(entry)) ** 2
             found.append(math.sqrt(math.pi * densest / scenario.run.step))
@@ -96,7 +127,7 @@ def white_noise(scenario: Scenario) -> float:
 def white_density(scenario: Scenario) -> float | None:
     """Two-sided density of the disturbance; None if it is more than white noise that is always on."""
     total = 0.0
-    for entry in scenario.disturbance.entries:
+    for entry in acting(scenario):
         if entry.kind == "none":
             continue
         if entry.kind != "noise" or not _is_settable(entry):
