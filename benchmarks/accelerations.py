@@ -94,9 +94,9 @@ def main() -> None:
         f"Made by `{command()}`. Machine: {machine()}.",
         "",
         "The shipped devices at rest, with their noise. 1 g acts on one axis, of which the share drives the mode. RMS "
-        "and mean are of what it changes, in means over 1 ms in the second half of the run; wrong is an error beyond four stated "
-        "deviations. Near the mode the share a acts like a rate of up to a/(2 A ω), 2.3 deg/s for the dual mass and a "
-        "thousandth of 1 g.",
+        "and mean are of what it changes, in means over 1 ms in the second half of the run; wrong is an error beyond "
+        "four stated deviations. Near the mode the share a acts like a rate of up to a/(2 A ω), 2.3 deg/s for the dual "
+        "mass and a thousandth of 1 g.",
         "",
         "| device | law | share | axis | 1 g at | RMS, deg/s | mean, deg/h | stated deviation, deg/s | trusted, % | "
         "wrong while trusted, % |",
