@@ -242,4 +242,4 @@ def test_the_list_needs_no_library_and_fails_only_when_asked_to(monkeypatch: pyt
 def test_a_log_that_does_not_exist_is_refused_by_its_name() -> None:
     ran = subprocess.run([sys.executable, "benchmarks/bench.py", "rates"], cwd=ROOT, capture_output=True, text=True)
     assert ran.returncode == 2
-    assert "no log is called rates: names are batch, " in ran.stderr
+    assert "no log is called rates: names are accelerations, " in ran.stderr

@@ -37,7 +37,7 @@ def _shared(entry: Entry, share: tuple[float, float]) -> Entry:
         x, y = _weights(entry)
         weights = (abs(along_x) * x, abs(along_y) * y)
         return entry.model_copy(update={"kind": "vibration", "psd": tuple(rows), "weights": weights, "band": None})
-    if entry.kind == "noise":  # of the same size on both axes, as checks.py requires
+    if entry.kind == "noise":  # checks.py requires shares of the same size
         deviation, density = entry.standard_deviation, entry.density
         if deviation is not None:
             return entry.model_copy(update={"standard_deviation": abs(along_x) * deviation})
