@@ -210,15 +210,15 @@ void bind_controller(nb::module_& m) {
         },
         nb::arg("kind"), "True for each of its types that takes a filter of the measured motions.");
     m.def(
-        "told_types_of_kind",
+        "force_aware_types_of_kind",
         [](std::size_t kind) {
-            std::vector<bool> informed;
+            std::vector<bool> aware;
             with_params(params_of_kind(kind), [&]<class Family>(const auto&, Family) {
                 [&]<class... Types>(List<Types...>) {
-                    (informed.push_back(KnowsForce<Types>), ...);
+                    (aware.push_back(KnowsForce<Types>), ...);
                 }(typename Family::template Types<double>{});
             });
-            return informed;
+            return aware;
         },
         nb::arg("kind"), "True for each of its types that takes the force that the code of a converter means.");
 }

@@ -88,9 +88,9 @@ def place_of_type(scenario: Any) -> int:
     return choices[0].index(scenario.adaptation.kind) if choices and c.adaptive else 0
 
 
-def told_types(kind: str) -> tuple[bool, ...]:
+def force_aware_types(kind: str) -> tuple[bool, ...]:
     """True for each type of this kind that receives the force to which a converter rounds its request."""
-    return tuple(_core.told_types_of_kind(KINDS.index(kind)))
+    return tuple(_core.force_aware_types_of_kind(KINDS.index(kind)))
 
 
 # Fields of datasheet that the filter of the measured motions needs, whatever the kind.
