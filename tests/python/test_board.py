@@ -14,10 +14,9 @@ from typing import Any, Literal
 import fracgyro as fg
 import numpy as np
 import pytest
-from browser import chromium, served, violations, watched
+from browser import served, violations, watched
 from click.testing import CliRunner
 from command_server import fracgyro
-from embedded import need
 from fracgyro.cli import cli
 from fracgyro_lab.board.check import check, differences
 from fracgyro_lab.board.enter import enter, write
@@ -414,9 +413,10 @@ def test_a_folder_without_entries_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 400)])
-def test_the_page_can_be_sorted_filtered_and_read(page: Path, scheme: Literal["light", "dark"], width: int) -> None:
-    need("browser")
-    with chromium() as browser, served(page) as address:
+def test_the_page_can_be_sorted_filtered_and_read(
+    browser: Any, page: Path, scheme: Literal["light", "dark"], width: int
+) -> None:
+    with served(page) as address:
         tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
         faults = watched(tab, address)
         tab.goto(f"{address}index.html")
