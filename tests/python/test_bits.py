@@ -53,8 +53,8 @@ def as_found() -> dict[str, str]:
     return hashes({})
 
 
-# Prescott has the fewest instructions of OpenBLAS's kernels, Haswell fuses products and sums.
-ALWAYS = ("OpenBLAS for Haswell", "OpenBLAS for Prescott", "NumPy without vectors", "glibc without vectors")
+# Haswell fuses products and sums.
+ALWAYS = ("OpenBLAS for Haswell", "NumPy without vectors")
 
 
 @pytest.mark.parametrize("name", nightly_unless(lambda name: name in ALWAYS, SETTINGS))

@@ -27,6 +27,7 @@ from fracgyro_lab.board.room import Limits
 from fracgyro_lab.board.trial import knows_seeds
 from fracgyro_lab.comparison.track_contenders import CONTENDERS
 from jsonschema import Draft202012Validator
+from shared import shared
 
 ROOT = Path(__file__).resolve().parents[2]
 BOARD = ROOT / "lab/board"
@@ -91,8 +92,16 @@ def test_a_law_that_loops_for_ever_is_refused(tmp_path: Path) -> None:
     ("lines", "found"),
     [
         (["open('x', 'w')"], "it opened x for writing; a law must not write files"),
-        (["import os", "os.open('x', os.O_CREAT)"], "it opened x for writing; a law must not write files"),
-        (["import os", "os.mkdir('x')"], "it changed files (os.mkdir); a law must not write files"),
+        pytest.param(
+            ["import os", "os.open('x', os.O_CREAT)"],
+            "it opened x for writing; a law must not write files",
+            marks=pytest.mark.nightly,
+        ),
+        pytest.param(
+            ["import os", "os.mkdir('x')"],
+            "it changed files (os.mkdir); a law must not write files",
+            marks=pytest.mark.nightly,
+        ),
         (["try: open('x', 'a')", "except Exception: pass"], "it opened x for writing; a law must not write files"),
         (
             ["import ctypes", "ctypes.CDLL(None).creat(b'x', 0o600)"],
@@ -248,13 +257,16 @@ def test_a_compiled_law_is_found_by_its_name_and_by_its_kind() -> None:
 # -- Entries ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def entered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The entry of a law in Python that prints, next to it."""
-    folder = tmp_path_factory.mktemp("entered")
-    (folder / "pd.py").write_text(PD.replace("self.kp, self.kd = kp, kd", "self.kp, self.kd = kp, kd; print(kp)"))
-    write(enter(str(folder / "pd.py"), author="A. Person"), folder / "pd.json")
-    return folder / "pd.json"
+
+    def fill(folder: Path) -> None:
+        folder.mkdir()
+        (folder / "pd.py").write_text(PD.replace("self.kp, self.kd = kp, kd", "self.kp, self.kd = kp, kd; print(kp)"))
+        write(enter(str(folder / "pd.py"), author="A. Person"), folder / "pd.json")
+
+    return shared(tmp_path_factory, "entered", fill) / "pd.json"
 
 
 def test_an_entry_has_both_rows_their_distance_to_the_limit_and_every_change(entered: Path) -> None:

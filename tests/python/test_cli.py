@@ -287,6 +287,7 @@ def test_closed_streams_cost_nothing_but_what_they_would_have_said(tmp_path: Pat
     assert through_shell("simulate nowhere.toml >&- 2>&- <&-", tmp_path).returncode == 2
 
 
+@pytest.mark.nightly
 def test_a_picture_is_the_same_whatever_matplotlib_has_been_told(tmp_path: Path) -> None:
     draw = "simulate --set run.duration=2.0 --plot"
     assert through_shell(f"{draw} plain.png", tmp_path).returncode == 0

@@ -630,6 +630,7 @@ def test_a_comparison_killed_anywhere_goes_on_to_the_same_numbers(small: Compare
     assert without_cost(resumed.data) == without_cost(small.data)
 
 
+@pytest.mark.nightly
 def test_searches_of_an_earlier_comparison_are_kept_where_their_gains_have_the_same_errors(
     small: Compared, tmp_path: Path
 ) -> None:
@@ -742,6 +743,7 @@ def test_a_controller_of_ones_own_takes_part_whatever_else_does(tmp_path: Path) 
     assert [contender.name for contender in both.contenders] == ["paper", "MyController"]
 
 
+@pytest.mark.nightly
 def test_a_native_law_takes_part_and_does_what_the_same_in_python_does(tmp_path: Path) -> None:
     pytest.importorskip("numba", reason="this Python has no Numba, which the test extra asks for up to 3.14")
     (tmp_path / "mine.py").write_text(

@@ -406,7 +406,5 @@ def test_the_share_also_makes_noise_smaller_and_what_a_controller_knows_of_it() 
     np.testing.assert_allclose(drawn(shared), [1.0, 0.5] * drawn(banded), rtol=1e-12)
     dense, thin = (made(share, density=0.01) for share in (None, (0.5, 0.5)))
     np.testing.assert_allclose(drawn(thin), 0.5 * drawn(dense), rtol=1e-15)
-    with pytest.raises(
-        fg.ScenarioError, match=r"share is \[1.0, 0.5\]: its numbers must have the same size"
-    ):
+    with pytest.raises(fg.ScenarioError, match=r"share is \[1.0, 0.5\]: its numbers must have the same size"):
         made((1.0, 0.5), standard_deviation=2.0)

@@ -21,6 +21,7 @@ from fracgyro.scenario import reference
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import toml_value
 from fracgyro.study import reference as study_reference
+from nightly import nightly_unless
 from test_text import DOCUMENTS, ROOT, relative
 
 
@@ -115,7 +116,11 @@ def test_the_reference_of_study_files_is_what_their_models_say() -> None:
 GUIDES = [ROOT / "README.md", *sorted(set((ROOT / "docs").glob("*.md")) - {ROOT / "docs/experiments.md"})]
 
 
-@pytest.mark.parametrize("path", [p for p in GUIDES if "```python" in p.read_text(encoding="utf-8")], ids=relative)
+# Identification takes twelve seconds, and has tests of its own.
+RUN = [path for path in GUIDES if "```python" in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("path", nightly_unless(lambda path: path.name != "identify.md", RUN), ids=relative)
 def test_the_python_of_a_guide_runs(path: Path, tmp_path: Path) -> None:
     if library := {"control.md": "control", "gymnasium.md": "gymnasium"}.get(path.name):
         pytest.importorskip(library, reason=f"{library}, which the extra interop brings, is not installed")

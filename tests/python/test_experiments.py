@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import matplotlib
 import pytest
+from nightly import nightly_unless
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "benchmarks"))
@@ -37,7 +38,12 @@ def test_an_example_is_short(example: Example) -> None:
     assert 1 <= len(lines) <= MAX_LINES
 
 
-@each
+@pytest.mark.parametrize(
+    "example",
+    # Five commands, which take seven seconds, have tests of their own.
+    nightly_unless(lambda example: "by name" not in example.title, EXAMPLES),
+    ids=[example.title for example in EXAMPLES],
+)
 def test_an_example_prints_and_draws_as_on_the_page(example: Example) -> None:
     printed, drawn = experiments_page.run(example)
     if example.printed is not None:

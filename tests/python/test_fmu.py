@@ -106,7 +106,7 @@ LOOPS = [
     (name, fmi) for i, name in enumerate(SCENARIOS) for j, fmi in enumerate(VERSIONS) if name in IN_BOTH or i % 2 == j
 ]
 # Loops that `make test` compiles. The parity of every kind is also tested where it compiles faster.
-OFTEN = (*IN_BOTH, "PID behind the filter", "disturbances that add up")
+OFTEN = (*IN_BOTH, "disturbances that add up")
 EVERY_TIME = [(name, dict(reversed(LOOPS))[name]) for name in OFTEN]
 # One FMU of each version, for tests that need another one, or any.
 OTHER: dict[Fmi, fg.Scenario] = {"2.0": SI, "3.0": LIST}
@@ -286,7 +286,10 @@ def with_table(scenario: fg.Scenario) -> tuple[fg.Scenario, np.ndarray]:
 REFERENCE_INPUTS = [f"reference_{name}.{axis}" for name in ("position", "velocity", "acceleration") for axis in "xy"]
 
 
-@pytest.mark.parametrize(("scenario", "fmi"), [(SHORT, "2.0"), (DEVICE, "3.0")], ids=["ideal", "device"])
+@pytest.mark.parametrize(
+    ("scenario", "fmi"),
+    [pytest.param(SHORT, "2.0", marks=pytest.mark.nightly, id="ideal"), pytest.param(DEVICE, "3.0", id="device")],
+)
 def test_a_loop_follows_its_inputs_with_the_bits_of_the_same_reference(
     made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, fmi: Fmi
 ) -> None:
@@ -549,7 +552,7 @@ def test_a_step_comes_between_initialization_and_end_alone(made: Callable[..., s
     fmu.start().step(0.0, 0.001)
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("fmi", nightly_unless(lambda fmi: fmi == "3.0", VERSIONS))
 def test_a_step_that_would_take_for_ever_is_refused(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(CHECKED, fmi, "controller"), tmp_path).start()
     said = fmu.complaint(lambda: fmu.step(0.0, 1e9))

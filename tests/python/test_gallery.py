@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
+from nightly import nightly_unless
 
 GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
 SCRIPTS = sorted(GALLERY.glob("plot_*.py"))
@@ -28,7 +29,13 @@ def test_a_script_has_a_title_and_is_short(path: Path) -> None:
     assert sum(re.match(r"(import|from|#) ?|$", line.strip()) is None for line in code) <= MAX_LINES
 
 
-@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+# Those that take seconds call what has tests of its own: a datasheet, a tuning, an FMU.
+SLOW = ("plot_07_datasheet", "plot_11_tune", "plot_12_fmu")
+
+
+@pytest.mark.parametrize(
+    "path", nightly_unless(lambda path: path.stem not in SLOW, SCRIPTS), ids=lambda path: path.stem
+)
 def test_a_script_runs_and_draws(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     plt.switch_backend("agg")

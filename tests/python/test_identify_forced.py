@@ -45,7 +45,7 @@ def identified(delay: float) -> Found:
     return fg.identify(forced(delay, seed=round(10 * delay)))
 
 
-@pytest.mark.parametrize("delay", nightly_unless(lambda delay: delay != 0.7, [0.0, 3.0, 2.4, 0.7]))
+@pytest.mark.parametrize("delay", nightly_unless(lambda delay: delay == 2.4, [0.0, 3.0, 2.4, 0.7]))
 def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None:
     found = identified(delay)
     (fit,) = found.groups

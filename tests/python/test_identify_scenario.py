@@ -224,16 +224,6 @@ def test_there_is_no_prediction_without_a_ratio() -> None:
     assert correction(found) is None
 
 
-def test_the_correction_undoes_the_pick_offs() -> None:
-    """Records of a device with skewed pick-offs of different gains, from records at two known rates."""
-    device = replace(DUAL_MASS, skew=0.015, rate=0.0)
-    records = [replace(device, rate=rate).record(20_000, 5.04, 0.0, rate=rate) for rate in (0.0, RATE)]
-    skewed = fg.identify(records)
-    matrix = correction(skewed)
-    np.testing.assert_allclose(matrix @ np.array([[1.0, 0.0], [0.015, 1.01]]), np.eye(2), atol=1e-8)
-    assert f"multiply what is measured by {matrix}" in " ".join(skewed.to_toml().replace("# ", "").split())
-
-
 @pytest.mark.parametrize("axes", ["pickoffs", "principal"])
 def test_the_controller_of_the_scenario_knows_the_pick_offs(axes: Any, found: fg.identify.Found) -> None:
     scenario = found.scenario(axes)

@@ -12,6 +12,7 @@ from bench_records import DUAL_MASS
 from fracgyro.identification.envelope import Grid, motions, positive
 from fracgyro.identification.first_stage import Fitted
 from fracgyro.identification.model import Shape
+from nightly import nightly_unless
 
 TURN, RATIO = 0.02, 1.01
 EVERY, SAMPLES = 12, 12_000
@@ -49,7 +50,7 @@ def identified(x: float, y: float, seed: int) -> fg.identify.Found:
 
 
 # Shifts of the frequency by a tenth of the linewidth, by one, and by eight.
-@pytest.mark.parametrize(("x", "y"), [(-1e-4, 0.0), (1e-3, -4e-3), (1e-2, 0.0)])
+@pytest.mark.parametrize(("x", "y"), nightly_unless(lambda x, y: y != 0, [(-1e-4, 0.0), (1e-3, -4e-3), (1e-2, 0.0)]))
 def test_the_springs_of_the_simulated_device_are_found(x: float, y: float) -> None:
     found = identified(x, y, 1)
     assert [each.verdict for each in found.tests] == ["pass"] * len(found.tests)
@@ -76,6 +77,7 @@ def test_the_springs_of_the_simulated_device_are_found(x: float, y: float) -> No
         assert mine == pytest.approx(true, rel=0.05)
 
 
+@pytest.mark.nightly
 def test_the_errors_of_springs_follow_their_intervals() -> None:
     errors = []
     for seed in range(4):

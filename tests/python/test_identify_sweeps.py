@@ -9,6 +9,7 @@ from fracgyro.identification.records import Response, State
 from fracgyro.identification.structure import invariants, invariants_by
 from fracgyro.identification.sweep import SweepFit, fit_sweep
 from fracgyro.identification.sweep_model import SweepModel, searched
+from nightly import nightly_unless
 
 NOISE = 0.03  # over the largest response; that of y is 0.1 of it
 DRIVE = np.array([[1.0, 0.01], [-0.02, 0.9]])
@@ -36,7 +37,7 @@ def simulated(found: SweepFit) -> np.ndarray:
     return DUAL_MASS.parameters * np.array([turn**2] * 4 + [turn] * 4)
 
 
-@pytest.mark.parametrize("seed", [4, 17])
+@pytest.mark.parametrize("seed", nightly_unless(lambda seed: seed == 4, [4, 17]))
 def test_a_weak_pick_off_does_not_hold_the_fit_in_a_local_minimum(seed: int) -> None:
     """The linear start takes a frequency at which y has only noise for the second mode of these two sweeps."""
     found = fit_sweep(weak_sweep(seed))

@@ -83,6 +83,7 @@ def ishigami(x: Array) -> Array:
     return np.asarray(np.sin(first) + 7 * np.sin(second) ** 2 + 0.1 * third**4 * np.sin(first))
 
 
+@pytest.mark.nightly
 def test_the_indices_of_the_ishigami_function_are_its_closed_forms(tmp_path: Path) -> None:
     text = design(2048) + VARY
     values = ishigami(uniform(read_plan(study(tmp_path, text)))).tolist()

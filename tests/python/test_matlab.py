@@ -219,6 +219,7 @@ def blocks(text: str) -> list[tuple[str, str]]:
     return re.findall(r"^```(matlab|python|sh|text)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
+@pytest.mark.nightly
 def test_the_guide_prints_what_it_says(tmp_path: Path) -> None:
     need("Octave")
     printed = ""

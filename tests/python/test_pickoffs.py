@@ -106,7 +106,7 @@ def test_they_cannot_change_while_the_loop_runs() -> None:
     [
         ("host", {"controller.kind": "network"}),
         ("host", {"device.sensing": "position", "controller.event_threshold": 5.0}),
-        ("fmu", {"controller.kind": "lqg"}),
+        pytest.param("fmu", {"controller.kind": "lqg"}, marks=pytest.mark.nightly),
         ("fmu", {"controller.filter": "kalman"}),
     ],
 )

@@ -91,6 +91,7 @@ def white(density: float, interval: float, shape: tuple[int, int], seed: int) ->
     return np.random.default_rng(seed).normal(size=shape) * density / math.sqrt(interval)
 
 
+@pytest.mark.nightly
 def test_the_angle_random_walk_of_white_noise_lies_in_its_interval_19_times_of_20() -> None:
     density, interval, hits, trials = 0.02, 0.01, 0, 100
     for seed in range(trials):

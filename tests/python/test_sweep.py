@@ -397,6 +397,7 @@ def test_what_listens_but_is_no_scheduler_is_told_in_one_sentence(tmp_path: Path
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:distributed", "ignore::ResourceWarning")
 def test_a_worker_killed_inside_a_block_costs_nothing(whole: Path, tmp_path: Path) -> None:
     from distributed import Client, LocalCluster
