@@ -34,6 +34,7 @@ std::vector<Setup> read_runs(std::int64_t& steps) {
         std::size_t kind = 0;
         std::cin >> kind;
         run.controller = params_of_kind(kind);
+        run.common.observer_bandwidth = next_number();
         std::vector<double> values(setting_count(run));
         for (double& value : values) {
             value = next_number();

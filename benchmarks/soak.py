@@ -30,6 +30,7 @@ from fracgyro.scenario import kinds
 from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.shipped import SHIPPED
 from fracgyro.scenario.to_core import core_setup, datasheet
+from fracgyro.scenario.volts_core import has_volts
 from machine import command, machine, write
 from sources import digest
 
@@ -57,14 +58,15 @@ class Block(NamedTuple):
         return KEPT / f"{self.kind}-{self.adaptation}-{self.number}-{self.steps}.txt"
 
 
-DEVICES = [name for name in SHIPPED if fg.Scenario.shipped(name).adaptation.kind == "joint"]
+SOAKED = [name for name in SHIPPED if not has_volts(fg.Scenario.shipped(name))]  # the programs have no electrodes
+DEVICES = [name for name in SOAKED if fg.Scenario.shipped(name).adaptation.kind == "joint"]
 BLOCKS = [Block(*chosen, STEPS) for chosen in product(KINDS, ADAPTATIONS, NUMBERS)]
 BLOCKS += [Block(KINDS[0], *chosen, MAX_STEPS) for chosen in product(ADAPTATIONS, NUMBERS)]
 Row = tuple[str, Block, list[str]]
 
 
 def scenarios(block: Block) -> Iterator[fg.Scenario]:
-    for name in SHIPPED:
+    for name in SOAKED:
         base = exactly_sensed(name)
         limit = min(base.controller.force_limit, NO_LIMIT)
         yield base.replace(
@@ -82,7 +84,7 @@ def as_input(runs: list[fg.Scenario], steps: int) -> str:
     for run in runs:
         setup = core_setup(run)
         kernel = np.column_stack(_core.setup_kernel(setup)).ravel()
-        numbers = map(float, [*_core.setup_settings(setup), *kernel])
+        numbers = map(float, [setup.sensing[0], *_core.setup_settings(setup), *kernel])
         lines.append(f"{kinds.KINDS.index(run.controller.kind)} {' '.join(map(repr, numbers))}")
     return "\n".join(lines)
 
@@ -100,7 +102,7 @@ def soak(program: Path, block: Block) -> None:
 
 def rows() -> Iterator[Row]:
     """Rows of the finished blocks."""
-    names = list(SHIPPED)
+    names = SOAKED
     for block in BLOCKS:
         for line in block.kept.read_text(encoding="utf-8").splitlines() if block.kept.exists() else []:
             place, *cells = line.split()
@@ -114,7 +116,7 @@ def power(count: float) -> str:
 
 def seconds(steps: int) -> str:
     """Duration of `steps` steps on each device."""
-    found = {name: exactly_sensed(name) for name in SHIPPED}
+    found = {name: exactly_sensed(name) for name in SOAKED}
     return ", ".join(f"{s.run.step * steps * s.plant.scales.time:.3g} ({name})" for name, s in found.items())
 
 
@@ -124,8 +126,9 @@ def report(found: list[Row]) -> list[str]:
     lines = [
         "# Soak",
         "",
-        f"`{command()}`: every shipped scenario for {power(STEPS)} steps, in lanes without contraction, which have the "
-        f"bits of single runs; in double or in float, plant included. {KINDS[0]} also for {power(MAX_STEPS)} steps.",
+        f"`{command()}`: every shipped scenario without electrodes for {power(STEPS)} steps, in lanes without "
+        "contraction, which have the bits of single runs; in double or in float, plant included. "
+        f"{KINDS[0]} also for {power(MAX_STEPS)} steps.",
         "",
         "Over the million steps before each mark: RMS error of x and y; Ω̂z less Ωz, mean and standard deviation (which "
         "float resolves to 1e-3 of Ωz); at the mark the bound estimates; and the largest ρ h/δ of these steps, limited "
@@ -137,7 +140,7 @@ def report(found: list[Row]) -> list[str]:
         lines += ["", f"## {kind}, {adaptation}" + (f", {power(steps)} steps" if steps == MAX_STEPS else ""), ""]
         lines += ["| scenario | scalar | steps | error x, y | Ω̂z − Ωz: mean ± deviation | b̂0, b̂1, b̂2 | ρ h/δ |"]
         lines += ["|---|---|---|---|---|---|---|"]
-        for name, number in product(SHIPPED, NUMBERS):
+        for name, number in product(SOAKED, NUMBERS):
             block = Block(kind, adaptation, number, steps)
             lines += [line(name, number, cells) for of, by, cells in found if (of, by) == (name, block)]
     return lines
