@@ -884,6 +884,28 @@ def test_every_preset_is_an_address_and_plays(browser: Any, address: str, data_f
             assert page.evaluate("location.hash") == f"#{key}"
 
 
+LATE_EVENTS = """
+const listen = window.addEventListener.bind(window);
+window.addEventListener = (name, act, ...rest) =>
+  listen(name, name === "hashchange" ? () => setTimeout(act, 600) : act, ...rest);
+"""
+
+
+def test_a_link_is_followed_even_if_the_page_is_about_to_write_its_address(browser: Any, address: str) -> None:
+    page = browser.new_page(viewport={"width": 1280, "height": 800}, **STILL)
+    page.set_default_timeout(20_000)
+    page.add_init_script(LATE_EVENTS)
+    page.goto(address + "#first")
+    ready(page)
+    page.evaluate("document.querySelector('a[href=\"#moving\"]').click()")
+    page.wait_for_selector('a[href="#moving"][aria-current]')
+    page.evaluate("document.querySelector('a[href=\"#thrown\"]').click()")  # within the time of the page's writing
+    page.wait_for_selector('a[href="#thrown"][aria-current]')
+    page.wait_for_timeout(400)
+    assert page.evaluate("location.hash") == "#thrown"
+    page.close()
+
+
 SLOW_WORKER = """
 const Real = Worker;
 window.Worker = class extends Real {

@@ -371,12 +371,16 @@ function showSpeed() {
 }
 const spaced = (number) => String(Number(number.toPrecision(2))).replace(/(?<=\d)(?=(\d{3})+$)/g, ",");
 
-// Keeps the address in step with the page. Browsers limit how often it may change.
+// Keeps the address in step with the page. Browsers limit how often it may change. An address that a link has given
+// meanwhile is for fromAddress.
 let remembering;
 function remember() {
+  const { hash } = location;
   clearTimeout(remembering);
   remembering = setTimeout(() => {
-    window.history.replaceState(null, "", toHash(pages, state));
+    if (location.hash === hash) {
+      window.history.replaceState(null, "", toHash(pages, state));
+    }
   }, 300);
 }
 
