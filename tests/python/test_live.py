@@ -1255,7 +1255,7 @@ def test_the_page_of_a_scenario_runs_it(browser: Any, folder: Path, name: str, t
     )
     with opened(browser, (tmp_path / "index.html").as_uri(), color_scheme="light") as shown:
         step = 1e3 * scenario.run.step * scenario.plant.scales.time
-        run_to(shown, 300 * step)
+        run_to(shown, 1000 * step)
         sample = round(time(shown) / step)
         run = fg.simulate(scenario.replace({"run.record_every": 1})).isel(time=sample)
         assert str(float(value(shown, "control.x"))) == digits(float(run["control"][0]))
