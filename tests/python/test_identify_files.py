@@ -125,6 +125,55 @@ def test_a_bad_record_is_refused_in_one_sentence(
         fg.identify([path])
 
 
+TIMES = DUAL_MASS.interval(PER_PERIOD) * np.arange(SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "sentence"),
+    [
+        (
+            lambda t, r: t + 0.4 * t[1] * r.uniform(-1, 1, len(t)),
+            "intervals from an even clock: samples must be evenly",
+        ),
+        (lambda t, r: np.cumsum(t[1] * r.uniform(0.8, 1.2, len(t))), "intervals from an even clock"),
+        (lambda t, r: np.cumsum(t[1] * r.integers(1, 4, len(t))), "intervals from an even clock"),
+        (lambda t, r: np.concatenate([t[:100], t[99:-1]]), "line 102: time [s] repeats the time before it"),
+        (lambda t, r: t + 9 * t[1] * (np.arange(len(t)) // 50), "intervals from an even clock"),
+    ],
+)
+def test_times_that_are_not_even_are_refused(tmp_path: Path, spoiled: Any, sentence: str) -> None:
+    """Taken as even, they gave a frequency that was off by a million half intervals."""
+    times = spoiled(TIMES[:4000], np.random.default_rng(0))
+    rows = np.column_stack([times, motion()[:, : len(times)].T])
+    np.savetxt(tmp_path / "uneven.csv", rows, delimiter=",", header="time [s],x,y", comments="", fmt="%.12g")
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        fg.identify([tmp_path / "uneven.csv"])
+
+
+def test_times_as_files_round_them_are_even(tmp_path: Path) -> None:
+    rows = np.column_stack([np.round(TIMES, 6), motion().T])
+    np.savetxt(tmp_path / "rounded.csv", rows, delimiter=",", header="time [s],x,y", comments="", fmt="%.10g")
+    assert abs(fg.identify([tmp_path / "rounded.csv"])["quality_1"].value / 4662 - 1) < 0.02
+
+
+def test_the_beat_after_a_gap_is_no_drive(tmp_path: Path) -> None:
+    kept = np.delete(np.arange(SAMPLES), np.arange(5000, 5400))
+    rows = np.column_stack([TIMES[kept], motion()[:, kept].T])
+    np.savetxt(tmp_path / "gap.csv", rows, delimiter=",", header="time [s],x,y", comments="", fmt="%.12g")
+    notes = fg.identify([tmp_path / "gap.csv"]).notes
+    assert any("a gap at line 5002" in note for note in notes)
+    assert not any("drive is on" in note for note in notes)
+
+
+def test_what_leaves_no_fit_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any) -> None:
+        raise np.linalg.LinAlgError("Eigenvalues did not converge")
+
+    monkeypatch.setattr("fracgyro.identification.entry.fit_segments", fails)
+    with pytest.raises(ValueError, match=r"^record: no fit converges: the records must contain the decay"):
+        fg.identify(fg.identify.Record(*motion(), interval=TIMES[1]))
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -303,6 +352,40 @@ def test_a_lone_magnitude_is_refused(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "gain.csv", rows, delimiter=",", header="frequency [Hz],magnitude", comments="")
     with pytest.raises(ValueError, match="phase of xx is missing: feedthrough cannot be separated without it"):
         fg.identify([tmp_path / "gain.csv"])
+
+
+@pytest.mark.parametrize(
+    ("header", "change", "sentence"),
+    [
+        ("frequency [Hz],magnitude,phase", lambda f, m, p: (f, 20 * np.log10(m), p), "for decibels, call the column"),
+        ("frequency [Hz],magnitude,phase [rad]", lambda f, m, p: (f, m, p), "rad: for degrees, call the column phase"),
+        ("frequency [Hz],magnitude,phase", lambda f, m, p: (f, 0 * m + 2.0, 0 * p), "xx is constant: it must show a"),
+        ("frequency [Hz],magnitude,phase", lambda f, m, p: (f + 30.0, m, p), ""),
+    ],
+)
+def test_a_sweep_in_other_units_or_without_a_resonance_is_refused(
+    tmp_path: Path, header: str, change: Any, sentence: str
+) -> None:
+    at = np.linspace(3900.0, 3960.0, 241)
+    response = 0.5 / (1 - (at / 3925.0) ** 2 + 1j * at / 3925.0 / 500) * np.exp(2j)
+    response += 1e-3 * (np.random.default_rng(1).normal(size=(2, 241)) * [[1], [1j]]).sum(axis=0)
+    columns = change(at, np.abs(response) / 100, np.degrees(np.angle(response)))
+    np.savetxt(tmp_path / "sweep.csv", np.column_stack(columns), delimiter=",", header=header, comments="")
+    if not sentence:
+        assert abs(fg.identify([tmp_path / "sweep.csv"])["frequency_1"].value - 3955.0) < 0.1
+        return
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        fg.identify([tmp_path / "sweep.csv"])
+
+
+def test_a_sweep_beside_the_resonance_is_refused(tmp_path: Path) -> None:
+    at = np.linspace(3950.0, 3990.0, 241)
+    response = 0.5 / (1 - (at / 3925.0) ** 2 + 1j * at / 3925.0 / 500)
+    response += 1e-3 * (np.random.default_rng(1).normal(size=(2, 241)) * [[1], [1j]]).sum(axis=0)
+    rows = np.column_stack([at, response.real, response.imag])
+    np.savetxt(tmp_path / "beside.csv", rows, delimiter=",", header="frequency [Hz],xx_re,xx_im", comments="")
+    with pytest.raises(ValueError, match="no resonance is inside the sweep: the fit has 39"):
+        fg.identify([tmp_path / "beside.csv"])
 
 
 def test_a_trend_is_the_weighted_line() -> None:

@@ -51,7 +51,9 @@ def _uncertain(text: str, name: str) -> tuple[float, float]:
     "device.pickoff_misalignment.  [default: pickoffs]",
 )
 @click.option("--rate", metavar="RATE", help="Set the rate at which the device was turned, as in '0' or '300 deg/s'.")
-@click.option("--sampling", type=float, metavar="HZ", help="Set the sampling rate. Required without a column of times.")
+@click.option(
+    "--sampling", metavar="HZ", help="Set the sampling rate, as in '50 kHz'. Required without a column of times."
+)
 @click.option("--from", "begin", type=float, metavar="S", help="Start here, s from the first sample.")
 @click.option("--to", "end", type=float, metavar="S", help="End here, s from the first sample.")
 @click.option("--x", "x_column", metavar="NAME|#N", help="Select the column of the x pick-off, if it is not called x.")
@@ -67,7 +69,7 @@ def identify_command(
     assume: tuple[str, ...],
     axes: Literal["pickoffs", "principal"],
     rate: str | None,
-    sampling: float | None,
+    sampling: str | None,
     begin: float | None,
     end: float | None,
     x_column: str | None,
@@ -82,6 +84,7 @@ def identify_command(
         from ..scenario.amounts import amount
 
     columns = {name: each for name, each in (("x", x_column), ("y", y_column)) if each is not None}
+    rate_of_samples = None if sampling is None else amount("--sampling", sampling, "Hz")
     turned = None if rate is None else amount("--rate", rate, "rad/s")
     given: list[Any] = []
     known: dict[str, Any] = {}
@@ -91,7 +94,7 @@ def identify_command(
             given += listed
             known |= more
         else:
-            given.append(Decay(path, turned, None, None, sampling, begin, end, columns or None))
+            given.append(Decay(path, turned, None, None, rate_of_samples, begin, end, columns or None))
     if mass is not None:
         known["mass"] = amount("--mass", mass, "kg")
     if pickoff is not None:

@@ -12,12 +12,14 @@ WIDTH = 110  # characters of a comment
 
 
 def commented(scenario: Scenario, head: Sequence[str], comments: Mapping[str, Sequence[str]]) -> str:
-    """The TOML of `scenario`; `head`: sentences below its first line; `comments`: sentences by dotted name of a field.
+    """The TOML of `scenario`; `head`: sentences below its own; `comments`: sentences by dotted name of a field.
 
     Each sentence becomes a comment of its own. Raises KeyError for a field that the scenario does not have.
     """
-    first, *lines = scenario.to_toml().split("\n")
-    written = [first, *(line for words in head for line in _wrapped(words))]
+    lines = scenario.to_toml().split("\n")
+    end = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    written = [*lines[:end], *(line for words in head for line in _wrapped(words))]
+    lines = lines[end:]
     left, table = dict(comments), ""
     for line in lines:
         opened = re.fullmatch(r"\[+(\w+)\]+", line)

@@ -11,6 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..arguments import number, short
 from ..extras import needs
 from .decays import decay_tests
@@ -93,7 +95,13 @@ class Identify:
                     files[segment.name] = segment.digest
         if known.pickoff is None and segments and segments[0].units[0] == "m":
             known = Known(known.mass, 1.0, known.ratio, known.assumed)
-        return _identified(segments, sweeps, known, notes, files)
+        try:
+            return _identified(segments, sweeps, known, notes, files)
+        except np.linalg.LinAlgError:
+            raise ValueError(
+                f"{', '.join(sorted(files)) or 'the record'}: no fit converges: the records must contain the decay or "
+                "the response of such a device; is a part too short, clipped, or unevenly sampled?"
+            ) from None
 
 
 identify = Identify()

@@ -39,7 +39,8 @@ def prepared(segment: Segment) -> tuple[Segment, list[str]]:
     steps = tuple(step_of(row) for row in segment.motion)
     segment, more = _after_clipping(segment, steps)
     notes += more
-    if segment.force is None:
+    # Only at its beginning can a record have a drive: not after a gap, nor after clipping, which is of the decay.
+    if segment.force is None and segment.begin == 0.0:
         segment, more = _after_drive(segment)
         notes += more
     check_length(segment)
@@ -144,7 +145,9 @@ def _after_drive(segment: Segment) -> tuple[Segment, list[str]]:
         return segment, []
     begin = (knee + 1) * size
     at = segment.begin + begin * segment.interval
-    return part(segment, begin), [f"the drive is on until {at:.4g} s: the decay is used from there; begin overrides it"]
+    return part(segment, begin), [
+        f"the drive is on until {at:.4g} s: the decay is used from there; --from overrides it (begin in Python)"
+    ]
 
 
 def _knee(envelope: Array) -> int | None:

@@ -27,6 +27,8 @@ BASES = ("V", "A", "N", "m")
 COUNTS = ("code", "codes", "count", "counts", "lsb", "1")
 QUANTITY = re.compile(r"(x|y|force_x|force_y|rate|temperature|bias)(?:[ _]*[\[(]\s*([^\])]*?)\s*[\])])?", re.IGNORECASE)
 FREQUENCY = re.compile(r"(?:f|freq|frequency)(?:[ _]*[\[(]?\s*(k|M|G)?hz\s*[\])]?)?", re.IGNORECASE)
+MAX_UNEVEN = 0.1  # intervals, of a sample from an even clock
+MAX_RADIANS = 100.0  # a phase in radians that reaches further is one in degrees
 HERTZ = {None: 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 RESPONSE = re.compile(
     r"(?:([xy])([xy])[ _]*)?(re|real|im|imag|mag|magnitude|gain|amplitude|phase)(?:[ _]*[\[(]?\s*(db|deg|degrees|rad)?"
@@ -73,7 +75,8 @@ def _decay(table: Table, given: Decay) -> tuple[list[Segment], list[str]]:
     if not axes:
         listed = ", ".join(cut(each) for each in table.names[:12])
         raise ValueError(
-            f"{name} has no column x or y: its columns are {listed}; name them, as in x [V], or with columns"
+            f"{name} has no column x or y: its columns are {listed}; name one, as in x [V], or choose one with --x "
+            "(columns in Python)"
         )
     timed = next((i for i, each in enumerate(table.names) if TIME.fullmatch(_plain(each))), None)
     wanted = [*places.values(), *([] if timed is None or given.sampling is not None else [timed])]
@@ -175,7 +178,9 @@ def _times(
     if given.sampling is not None:
         return 1 / number(f"{name}: sampling", given.sampling, above=0.0), [0, len(times)], []
     if timed is None:
-        raise ValueError(f"{name} has no column time: give the sampling rate, in Hz, as sampling")
+        raise ValueError(
+            f"{name} has no column time: give the sampling rate in Hz with --sampling (sampling in Python)"
+        )
     matched = TIME.fullmatch(_plain(table.names[timed]))
     unit = ((matched and matched[1]) or table.known.get(timed, "s")).strip().lower()
     if unit not in SECONDS:
@@ -184,13 +189,34 @@ def _times(
     found = examine(times - times[0])
     if found is None or len(found.falls):
         raise ValueError(f"{name}: {cut(table.names[timed])} does not increase everywhere: it must increase")
+    column = cut(table.names[timed])
+    if found.repeats:
+        line = table.before + int(np.flatnonzero(np.diff(times) == 0)[0]) + 2
+        raise ValueError(f"{name}, line {line}: {column} repeats the time before it: each sample must have its own")
     ends = [0, *(int(each) + 1 for each in found.gaps), len(times)]
+    uneven = max(found.jitter, _distance(times, ends, found.interval))
+    if uneven > MAX_UNEVEN:
+        raise ValueError(
+            f"{name}: {column} is up to {uneven:.2g} intervals from an even clock: samples must be evenly "
+            "spaced; if they are and only their times are wrong, give --sampling (sampling in Python)"
+        )
     notes = []
     if len(found.gaps):
         line = table.before + int(found.gaps[0]) + 2
         gaps = "a gap" if len(found.gaps) == 1 else f"{len(found.gaps)} gaps, the first"
         notes.append(f"{gaps} at line {line}, {found.missing} samples are missing: the record is split there")
     return found.interval, ends, notes
+
+
+def _distance(times: Array, ends: list[int], interval: float) -> float:
+    """Largest distance from a line through each segment, beyond rounding to the smallest step, in intervals."""
+    steps = np.diff(times)
+    rounding = float(steps[steps > 0].min(initial=np.inf))
+    most = 0.0
+    for first, last in pairwise(ends):
+        off = times[first:last] - interval * np.arange(last - first)
+        most = max(most, float(np.abs(off - np.median(off)).max()))
+    return (most - 0.5 * rounding) / interval
 
 
 def _state(given: Decay, values: dict[str, Array], units: dict[str, str], name: str) -> State:
@@ -263,8 +289,25 @@ def _sweep(table: Table, given: Decay | Sweep) -> Response:
             one = values[parts["re"][0]] + 1j * values[parts["im"][0]]
         else:
             magnitude, phase = values[parts["mag"][0]], values[parts["phase"][0]]
+            _check_polar(name, f"{axis}{drive}", magnitude, phase, (parts["mag"][1], parts["phase"][1]))
             magnitude = 10 ** (magnitude / 20) if parts["mag"][1] == "db" else magnitude
             one = magnitude * np.exp(1j * (phase if parts["phase"][1] == "rad" else np.radians(phase)))
+        if np.ptp(one.real) == 0 and np.ptp(one.imag) == 0:
+            raise ValueError(f"{name}: {axis}{drive} is constant: it must show a resonance; is the device connected?")
         response[:, axes.index(axis), drives.index(drive)] = one
     state = State(given.rate, given.bias, given.temperature).checked(name)
     return Response(name, frequency, response, axes, drives, state, digest(frequency, response.view(float)))
+
+
+def _check_polar(name: str, where: str, magnitude: Array, phase: Array, units: tuple[str, str]) -> None:
+    """Raises ValueError for a magnitude or phase whose unit cannot be the stated one."""
+    if units[0] != "db" and magnitude.min() < 0:
+        raise ValueError(
+            f"{name}: magnitude of {where} is {magnitude.min():g}: a linear one is never negative; for decibels, call "
+            "the column magnitude [dB]"
+        )
+    if units[1] == "rad" and np.abs(phase).max() > MAX_RADIANS:
+        raise ValueError(
+            f"{name}: phase of {where} reaches {phase[np.argmax(np.abs(phase))]:g} rad: for degrees, call the column "
+            "phase [deg]"
+        )

@@ -72,7 +72,7 @@ def fit_device(groups: Sequence[Group], unit: float, known: Known) -> Device:
             widen = math.sqrt(solution.squares / freedom)
             words = (
                 f"the records do not agree on one device (chi^2 {solution.squares:.3g} on {freedom}): intervals are "
-                f"{widen:.2g} times wider; did the temperature change, or is a rate wrong?"
+                f"{widen:.2g} times wider; a temperature has changed, or a rate is wrong"
             )
         found.append(Test("agreement", "fail" if p < REJECTED else "pass", words, p))
     profile = scan(problem, solution, widen)

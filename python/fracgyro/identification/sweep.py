@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .diagnostics import REJECTED, Test, correlation, whiteness
-from .model import Complex, Shape
+from .model import Complex, Shape, poles
 from .records import Response
 from .start import stacked
 from .sweep_model import DELAY, SweepModel, searched
@@ -271,7 +271,24 @@ def sweep_tests(found: SweepFit) -> list[Test]:
             if failed:
                 words = (
                     f"{where}: the residual is not white (p = {p:.1g}): the sweep is too fast, the amplitude too "
-                    f"large, or the instrument drifts; all intervals are {found.widened:.2g} times wider"
+                    f"large, the instrument drifts, or another mode is near; all intervals are {found.widened:.2g} "
+                    "times wider"
                 )
             result.append(Test("whiteness", "fail" if failed else "pass", words, p))
-    return result
+    return result + _band_tests(found)
+
+
+def _band_tests(found: SweepFit) -> list[Test]:
+    """A failed test for a mode outside the sweep. Raises ValueError if no mode is inside."""
+    shape, at = Shape(found.shape.axes), found.response.frequency
+    modes = np.abs(poles(shape, found.fit.parameters[: 2 * shape.axes**2])) * found.unit / (2 * np.pi)
+    outside = [float(mode) for mode in modes if not at.min() <= mode <= at.max()]
+    words = f"outside the sweep, which is from {at.min():.8g} to {at.max():.8g} Hz"
+    if len(outside) == len(modes):
+        raise ValueError(
+            f"{found.response.name}: no resonance is inside the sweep: the fit has {outside[0]:.6g} Hz, {words}"
+        )
+    return [
+        Test("band", "fail", f"{found.response.name}: the mode at {mode:.6g} Hz is {words}: sweep over it")
+        for mode in outside
+    ]
