@@ -10,6 +10,10 @@
 //   flops_peak         operations per second of one core that does fused multiply-adds of doubles only; 0 without AVX2
 #include "benchmark_setup.hpp"
 
+#ifdef FRACGYRO_LANES_X86
+#include <immintrin.h>
+#endif
+
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
