@@ -29,7 +29,7 @@ def test_a_script_has_a_title_and_is_short(path: Path) -> None:
     assert sum(re.match(r"(import|from|#) ?|$", line.strip()) is None for line in code) <= MAX_LINES
 
 
-# Those that take seconds call what has tests of its own: a datasheet, a tuning, an FMU.
+# The slow ones call a datasheet, a tuning and an FMU, which have tests of their own.
 SLOW = ("plot_07_datasheet", "plot_11_tune", "plot_12_fmu")
 
 
