@@ -126,6 +126,7 @@ def test_a_bad_record_is_refused_in_one_sentence(
 
 
 TIMES = DUAL_MASS.interval(PER_PERIOD) * np.arange(SAMPLES)
+EVEN = {"sampling": 1 / DUAL_MASS.interval(PER_PERIOD)}
 
 
 @pytest.mark.parametrize(
@@ -138,7 +139,7 @@ TIMES = DUAL_MASS.interval(PER_PERIOD) * np.arange(SAMPLES)
         (lambda t, r: np.cumsum(t[1] * r.uniform(0.8, 1.2, len(t))), "intervals from an even clock"),
         (lambda t, r: np.cumsum(t[1] * r.integers(1, 4, len(t))), "intervals from an even clock"),
         (lambda t, r: np.concatenate([t[:100], t[99:-1]]), "line 102: time [s] repeats the time before it"),
-        (lambda t, r: t + 9 * t[1] * (np.arange(len(t)) // 50), "intervals from an even clock"),
+        (lambda t, r: t + 3 * t[1] * (np.arange(len(t)) // 7), "intervals from an even clock"),
     ],
 )
 def test_times_that_are_not_even_are_refused(tmp_path: Path, spoiled: Any, sentence: str) -> None:
@@ -150,10 +151,19 @@ def test_times_that_are_not_even_are_refused(tmp_path: Path, spoiled: Any, sente
         fg.identify([tmp_path / "uneven.csv"])
 
 
-def test_times_as_files_round_them_are_even(tmp_path: Path) -> None:
-    rows = np.column_stack([np.round(TIMES, 6), motion().T])
-    np.savetxt(tmp_path / "rounded.csv", rows, delimiter=",", header="time [s],x,y", comments="", fmt="%.10g")
-    assert abs(fg.identify([tmp_path / "rounded.csv"])["quality_1"].value / 4662 - 1) < 0.02
+@pytest.mark.parametrize(("digits", "noted"), [("%.12g", False), *((each, True) for each in ("%.5g", "%.4g", "%.5f"))])
+def test_times_as_files_round_them_are_even_and_their_rounding_is_noted(
+    tmp_path: Path, digits: str, noted: bool
+) -> None:
+    rows = np.column_stack([TIMES, motion().T])
+    text = {"delimiter": ",", "header": "time [s],x,y", "comments": ""}
+    np.savetxt(tmp_path / "rounded.csv", rows, fmt=[digits, "%.12g", "%.12g"], **text)
+    found, exact = fg.identify([tmp_path / "rounded.csv"]), fg.identify([(tmp_path / "rounded.csv", EVEN)])
+    notes = [note for note in found.notes if "time [s] is rounded to" in note]
+    assert len(notes) == noted
+    off = abs(found["frequency_1"].value / exact["frequency_1"].value - 1)
+    stated = re.search(r"known to about (\S+) of it", notes[0]) if notes else None
+    assert off < (float(stated[1]) if stated else 1e-10)
 
 
 def test_the_beat_after_a_gap_is_no_drive(tmp_path: Path) -> None:
@@ -163,6 +173,13 @@ def test_the_beat_after_a_gap_is_no_drive(tmp_path: Path) -> None:
     notes = fg.identify([tmp_path / "gap.csv"]).notes
     assert any("a gap at line 5002" in note for note in notes)
     assert not any("drive is on" in note for note in notes)
+
+
+@pytest.mark.parametrize(("rates", "noted"), [((None, None), True), ((0.0, None), False), ((0.0, 0.0), False)])
+def test_records_without_a_rate_share_one_which_is_noted(rates: tuple[float | None, ...], noted: bool) -> None:
+    records = [DUAL_MASS.record(8000, PER_PERIOD, 1e-3, seed, rate=rate) for seed, rate in enumerate(rates)]
+    notes = fg.identify(records).notes
+    assert ("records without a stated rate are taken at one common rate" in notes) == noted
 
 
 def test_what_leaves_no_fit_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -378,14 +395,14 @@ def test_a_sweep_in_other_units_or_without_a_resonance_is_refused(
         fg.identify([tmp_path / "sweep.csv"])
 
 
-def test_a_sweep_beside_the_resonance_is_refused(tmp_path: Path) -> None:
+def test_a_sweep_outside_the_resonance_is_refused(tmp_path: Path) -> None:
     at = np.linspace(3950.0, 3990.0, 241)
     response = 0.5 / (1 - (at / 3925.0) ** 2 + 1j * at / 3925.0 / 500)
     response += 1e-3 * (np.random.default_rng(1).normal(size=(2, 241)) * [[1], [1j]]).sum(axis=0)
     rows = np.column_stack([at, response.real, response.imag])
-    np.savetxt(tmp_path / "beside.csv", rows, delimiter=",", header="frequency [Hz],xx_re,xx_im", comments="")
+    np.savetxt(tmp_path / "outside.csv", rows, delimiter=",", header="frequency [Hz],xx_re,xx_im", comments="")
     with pytest.raises(ValueError, match="no resonance is inside the sweep: the fit has 39"):
-        fg.identify([tmp_path / "beside.csv"])
+        fg.identify([tmp_path / "outside.csv"])
 
 
 def test_a_trend_is_the_weighted_line() -> None:

@@ -56,6 +56,14 @@ def test_the_data_sheet_of_a_shipped_device_gives_its_scenario_back() -> None:
             assert one == pytest.approx(other, rel=digits), name
 
 
+def test_the_head_of_the_scenario_stays_whole_above_that_of_the_device() -> None:
+    text = fg.device(**SHEET).to_toml()
+    head = [line for line in DUAL_MASS.to_toml().splitlines() if line]
+    whole = head[: next(i for i, line in enumerate(head) if not line.startswith("# ") or line.startswith("# The "))]
+    assert len(whole) > 1
+    assert text.splitlines()[: len(whole)] == whole
+
+
 def test_every_number_goes_to_its_field() -> None:
     made = fg.device(
         15e3, 20_000, split=200, mass=3e-9, quadrature=90, full_scale=500, bandwidth=50, temperature_coefficient=-20,

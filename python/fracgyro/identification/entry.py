@@ -162,6 +162,8 @@ def _identified(
         conditions.append(_condition(state, fits, known, notes))
         if conditions[-1].device is not None:
             checks += conditions[-1].device.tests
+    if sum(rate is None for rate in {each.name: each.state.rate for each in segments}.values()) > 1:
+        notes.append("records without a stated rate are taken at one common rate")
     if known.mass is None:
         notes.append("no mass was given: stiffness and damping are per mass")
     trends = _trends(conditions)
@@ -191,7 +193,10 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
         found |= device.quantities
         notes += device.notes
     else:
-        notes.append("only one pick-off was recorded: coupling, rate and the other axis are not known")
+        notes.append(
+            "only one pick-off was recorded: coupling, rate and the other axis are not known; stiffness and damping "
+            "are those of the mode"
+        )
         found |= pooled([_one_axis(each, known) for each in alike])
     timed = [fit for _, fit in fits if isinstance(fit, Fitted)]
     found |= spring_quantities(timed, known, found.get("pickoff_ratio"), found.get("stiffness_axis"))

@@ -16,7 +16,7 @@ from ..arguments import number, short
 from ..files import check_regular, cut, reason
 from ..rate.record import SECONDS, TIME
 from ..rate.tables import Table, open_table
-from ..rate.times import examine
+from ..rate.times import examine, resolution
 from ..rate.units import RATES
 from .records import MIN_FREQUENCIES, Decay, Response, Segment, State, Sweep, digest
 
@@ -28,6 +28,8 @@ COUNTS = ("code", "codes", "count", "counts", "lsb", "1")
 QUANTITY = re.compile(r"(x|y|force_x|force_y|rate|temperature|bias)(?:[ _]*[\[(]\s*([^\])]*?)\s*[\])])?", re.IGNORECASE)
 FREQUENCY = re.compile(r"(?:f|freq|frequency)(?:[ _]*[\[(]?\s*(k|M|G)?hz\s*[\])]?)?", re.IGNORECASE)
 MAX_UNEVEN = 0.1  # intervals, of a sample from an even clock
+NEGLIGIBLE = 1e-10  # of the sampling rate
+FEW_STEPS = 8  # do not show an uneven clock
 MAX_RADIANS = 100.0  # a phase in radians that reaches further is one in degrees
 HERTZ = {None: 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 RESPONSE = re.compile(
@@ -190,33 +192,56 @@ def _times(
     if found is None or len(found.falls):
         raise ValueError(f"{name}: {cut(table.names[timed])} does not increase everywhere: it must increase")
     column = cut(table.names[timed])
-    if found.repeats:
-        line = table.before + int(np.flatnonzero(np.diff(times) == 0)[0]) + 2
-        raise ValueError(f"{name}, line {line}: {column} repeats the time before it: each sample must have its own")
     ends = [0, *(int(each) + 1 for each in found.gaps), len(times)]
-    uneven = max(found.jitter, _distance(times, ends, found.interval))
-    if uneven > MAX_UNEVEN:
-        raise ValueError(
-            f"{name}: {column} is up to {uneven:.2g} intervals from an even clock: samples must be evenly "
-            "spaced; if they are and only their times are wrong, give --sampling (sampling in Python)"
+    interval, notes = found.interval, []
+    if len(ends) == 2:  # the line through all times: their ends alone are rounded
+        at = np.arange(len(times)) - (len(times) - 1) / 2
+        interval = float(at @ (times - times[0])) / float(at @ at)
+    rounding = _check_even(times, ends, interval, column, table.before, name)
+    known = 2 * rounding / interval / len(times) ** 1.5
+    if known > NEGLIGIBLE:
+        notes.append(
+            f"{column} is rounded to {rounding:.2g} s: the sampling rate, and so each frequency, is known to about "
+            f"{known:.1g} of it; --sampling (sampling in Python) gives it"
         )
-    notes = []
     if len(found.gaps):
         line = table.before + int(found.gaps[0]) + 2
         gaps = "a gap" if len(found.gaps) == 1 else f"{len(found.gaps)} gaps, the first"
         notes.append(f"{gaps} at line {line}, {found.missing} samples are missing: the record is split there")
-    return found.interval, ends, notes
+    return interval, ends, notes
 
 
-def _distance(times: Array, ends: list[int], interval: float) -> float:
-    """Largest distance from a line through each segment, beyond rounding to the smallest step, in intervals."""
-    steps = np.diff(times)
-    rounding = float(steps[steps > 0].min(initial=np.inf))
-    most = 0.0
+def _check_even(times: Array, ends: list[int], interval: float, column: str, before: int, name: str) -> float:
+    """The coarsest rounding of the times, s.
+
+    Raises ValueError for times that repeat, or that are further from an even clock than rounding explains.
+    """
+    most = coarsest = 0.0
+    # Text with a number of digits rounds more coarsely from each power of ten on.
+    decades = np.floor(np.log10(np.maximum(np.abs(times), 1e-300)))
     for first, last in pairwise(ends):
-        off = times[first:last] - interval * np.arange(last - first)
-        most = max(most, float(np.abs(off - np.median(off)).max()))
-    return (most - 0.5 * rounding) / interval
+        edges = [first, *(first + 1 + np.flatnonzero(np.diff(decades[first:last]))), last]
+        for begin, end in pairwise(map(int, edges)):
+            steps = np.diff(times[begin:end])
+            if len(steps) < FEW_STEPS:
+                continue
+            # Rounding has one step between its times, gaps at even distances have two.
+            rounding = min(resolution(steps), float(steps[steps > 0].min(initial=np.inf)))
+            coarsest = max(coarsest, rounding)
+            repeats = np.flatnonzero(steps == 0)
+            if len(repeats) and rounding < 1.5 * interval:
+                line = before + begin + int(repeats[0]) + 2
+                raise ValueError(
+                    f"{name}, line {line}: {column} repeats the time before it: each sample must have its own"
+                )
+            off = times[begin:end] - interval * np.arange(end - begin)
+            most = max(most, float(np.abs(off - np.median(off)).max()) - 0.5 * rounding)
+    if most > MAX_UNEVEN * interval:
+        raise ValueError(
+            f"{name}: {column} is up to {most / interval:.2g} intervals from an even clock: samples must be evenly "
+            "spaced; if they are and only their times are wrong, give --sampling (sampling in Python)"
+        )
+    return coarsest
 
 
 def _state(given: Decay, values: dict[str, Array], units: dict[str, str], name: str) -> State:

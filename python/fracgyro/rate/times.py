@@ -51,8 +51,8 @@ def examine(times: Array) -> Times | None:
     interval = _interval(times)
     if not interval > 0:
         return None
-    resolution = _resolution(steps)
-    rounded = max(resolution / interval, 1.0)  # shift by rounding, in intervals
+    rounding = resolution(steps)
+    rounded = max(rounding / interval, 1.0)  # shift by rounding, in intervals
     near, far = NEAR_SAMPLES * math.ceil(rounded), FAR_SAMPLES * math.ceil(rounded)
     # Uncertainty of the medians over jittering times, in intervals.
     jitter = ROBUST * float(np.median(np.abs(steps - interval))) / math.sqrt(2) / interval
@@ -72,8 +72,8 @@ def examine(times: Array) -> Times | None:
     elif not len(falls):
         interval = float(times[-1] - times[0]) / total  # over the whole record, which is most accurate
     distance = _distance(times, interval, kept, falls)
-    repeats = 0 if resolution > 1.5 * interval else int(np.count_nonzero(steps == 0))
-    return Times(interval, kept, missing, falls, repeats, distance - 0.5 * resolution / interval)
+    repeats = 0 if rounding > 1.5 * interval else int(np.count_nonzero(steps == 0))
+    return Times(interval, kept, missing, falls, repeats, distance - 0.5 * rounding / interval)
 
 
 def _interval(times: Array) -> float:
@@ -122,7 +122,7 @@ def _distance(times: Array, interval: float, gaps: NDArray[np.int64], falls: NDA
     return most
 
 
-def _resolution(steps: Array) -> float:
+def resolution(steps: Array) -> float:
     """Smallest difference between two steps in a sample of segments, as every n-th step may be equal."""
     begins = np.linspace(0, max(len(steps) - WINDOW, 0), 16).astype(int)
     few = np.unique(np.concatenate([steps[begin : begin + WINDOW] for begin in begins]))
