@@ -28,7 +28,7 @@ COUNTS = ("code", "codes", "count", "counts", "lsb", "1")
 QUANTITY = re.compile(r"(x|y|force_x|force_y|rate|temperature|bias)(?:[ _]*[\[(]\s*([^\])]*?)\s*[\])])?", re.IGNORECASE)
 FREQUENCY = re.compile(r"(?:f|freq|frequency)(?:[ _]*[\[(]?\s*(k|M|G)?hz\s*[\])]?)?", re.IGNORECASE)
 MAX_UNEVEN = 0.1  # intervals, of a sample from an even clock
-NEGLIGIBLE = 1e-10  # of the sampling rate
+NEGLIGIBLE = 1e-10  # share of the sampling rate
 FEW_STEPS = 8  # do not show an uneven clock
 MAX_RADIANS = 100.0  # a phase in radians that reaches further is one in degrees
 HERTZ = {None: 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
@@ -194,7 +194,7 @@ def _times(
     column = cut(table.names[timed])
     ends = [0, *(int(each) + 1 for each in found.gaps), len(times)]
     interval, notes = found.interval, []
-    if len(ends) == 2:  # the line through all times: their ends alone are rounded
+    if len(ends) == 2:  # the line through all times: the first and last are rounded
         at = np.arange(len(times)) - (len(times) - 1) / 2
         interval = float(at @ (times - times[0])) / float(at @ at)
     rounding = _check_even(times, ends, interval, column, table.before, name)
