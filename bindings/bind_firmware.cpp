@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 
 #include "fracgyro/sim/aggregate.hpp"
+#include "fracgyro/sim/any_controller.hpp"
 #include "fracgyro/sim/unpacked.hpp"
 #include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/hardware/pickoffs.hpp"
@@ -13,19 +14,22 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// Numbers of a struct, in the order of its members, nested like its braces.
+// Numbers of a struct, in the order of its members, nested like its braces; with `law` in the place of an erased
+// controller's.
 template <class Value>
-nb::object nested(const Value& value) {
+nb::object nested(const Value& value, const nb::object& law = {}) {
     if constexpr (std::is_arithmetic_v<Value>) {
         return nb::cast(value);
     } else if constexpr (std::is_pointer_v<Value>) {  // the reference, which the exported file names
         return nb::object(nb::str(value == nullptr ? "" : "&course"));
+    } else if constexpr (requires { value.controller->needs_velocity(); }) {
+        return law;
     } else if constexpr (requires { Value::is_unpacked; }) {
         return nb::cast(value.value);
     } else if constexpr (requires { value.begin(); }) {
         nb::list all;
         for (const auto& each : value) {
-            all.append(nested(each));
+            all.append(nested(each, law));
         }
         return all;
     } else if constexpr (!std::is_class_v<Value>) {  // a pack
@@ -35,8 +39,8 @@ nb::object nested(const Value& value) {
         }
         return nb::tuple(entries);
     } else {
-        return with_members(value,
-                            [](const auto&... members) { return nb::object(nb::make_tuple(nested(members)...)); });
+        return with_members(
+            value, [&](const auto&... members) { return nb::object(nb::make_tuple(nested(members, law)...)); });
     }
 }
 
@@ -64,11 +68,34 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
     return found;
 }
 
+// The numbers of the parts around a controller do not depend on which it is: compiled for each controller instead of for
+// an erased one, they take 100 s and 3 GB.
+template <Scalar T, bool velocity>
+nb::object with_parts(const nb::object& law, const Common& common) {
+    nb::object found;
+    for_device<Erased<T, velocity>>(
+        common, [&]<class Seen>() { found = nested(Guard<Seen>::prepare({}, common), law); });
+    return found;
+}
+
 template <Scalar T>
 nb::object coefficients(const Setup& s) {
     nb::object found;
     with_controller<T>(s.controller, [&]<class C>() {
-        for_device<C>(s.common, [&]<class Seen>() { found = nested(prepare<Guard<Seen>>(s.controller, s.common)); });
+        const auto of = [&]<class Law>(const Common& common) {
+            found = with_parts<T, measures_velocity<Law>>(nested(prepare<Law>(s.controller, s.common)), common);
+        };
+        if constexpr (takes_filter<C>) {
+            of.template operator()<C>(s.common);
+        } else {
+            Common unfiltered = s.common;
+            unfiltered.filter = {};
+            if (s.common.observer_bandwidth > 0.0) {
+                of.template operator()<typename FromPositions<C>::Type>(unfiltered);
+            } else {
+                of.template operator()<C>(unfiltered);
+            }
+        }
     });
     return found;
 }
