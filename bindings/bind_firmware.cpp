@@ -14,8 +14,8 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// Numbers of a struct, in the order of its members, nested like its braces; with `law` in the place of an erased
-// controller's.
+// Numbers of a struct, in the order of its members, nested like its braces; with `law` instead of those of an
+// erased controller.
 template <class Value>
 nb::object nested(const Value& value, const nb::object& law = {}) {
     if constexpr (std::is_arithmetic_v<Value>) {
@@ -68,13 +68,13 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
     return found;
 }
 
-// The numbers of the parts around a controller do not depend on which it is: compiled for each controller instead of for
-// an erased one, they take 100 s and 3 GB.
+// The numbers of the parts around a controller do not depend on which it is: compiled for each controller instead of
+// for an erased one, they take 100 s and 3 GB.
 template <Scalar T, bool velocity>
 nb::object with_parts(const nb::object& law, const Common& common) {
     nb::object found;
-    for_device<Erased<T, velocity>>(
-        common, [&]<class Seen>() { found = nested(Guard<Seen>::prepare({}, common), law); });
+    for_device<Erased<T, velocity>>(common,
+                                    [&]<class Seen>() { found = nested(Guard<Seen>::prepare({}, common), law); });
     return found;
 }
 

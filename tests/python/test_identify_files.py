@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from dataclasses import replace
@@ -12,7 +13,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from bench_records import DUAL_MASS, RATE
+from bench_records import DUAL_MASS, RATE, Device
 from browser import faults_of_report
 from click.testing import CliRunner
 from fracgyro.cli.identify import identify_command
@@ -106,6 +107,8 @@ def test_the_part_before_the_decay_is_left_out(tmp_path: Path) -> None:
         ("time [ms],x,y", "dead", "y never exceeds its noise"),
         ("time [ms],x,y", "short", "has 50 samples: it must have at least 64"),
         ("a,x,y", None, "has no column time: give the sampling rate"),
+        ("time [parsec],x,y", None, "time [parsec] must be in s, ms, us or ns; or give --sampling"),
+        ("time [ms],x [V],y [nA]", None, "x is in V and y in nA: both must be in one unit, V, A, N, m or code"),
     ],
 )
 def test_a_bad_record_is_refused_in_one_sentence(
@@ -362,6 +365,60 @@ def test_a_sweep_and_a_decay_agree_and_narrow_the_intervals(tmp_path: Path) -> N
     assert abs(both["rate"].value - RATE) < 2.5 * both["rate"].half
     assert [each.verdict for each in both.tests if each.name == "agreement"] == ["pass"]
     assert both["b1"].determined
+
+
+def swept(path: Path, drives: str, seed: int, device: Device = DUAL_MASS) -> Path:
+    """A file with the response of both pick-offs to these drives."""
+    at, generator = frequencies(), np.random.default_rng(seed)
+    clean = device.response(at, np.diag([1.0, device.ratio * 0.9]), THROUGH, 0.7)
+    size = 1e-4 * np.abs(clean).max()
+    measured = clean + size * (generator.normal(size=clean.shape) + 1j * generator.normal(size=clean.shape))
+    names = [f"{axis}{drive}" for drive in drives for axis in "xy"]
+    parts = [measured[:, "xy".index(axis), "xy".index(drive)] for axis, drive in names]
+    header = "frequency [Hz]," + ",".join(f"{name}_re,{name}_im" for name in names)
+    columns = [at, *(each for part in parts for each in (part.real, part.imag))]
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.12g")
+    return path
+
+
+def test_a_sweep_for_each_drive_gives_one_device(tmp_path: Path) -> None:
+    """An analyzer with two channels stores them so."""
+    found = fg.identify([swept(tmp_path / f"{axis}.csv", axis, seed=4) for axis in "xy"])
+    assert not [each for each in found.tests if each.verdict == "fail"]
+    assert abs(found["b2"].value / found["b1"].value - 0.9) < 2e-3
+    assert abs(found["beta"].value) < 3 * found["beta"].half
+    assert abs(found["rate"].value - RATE) < 2.5 * found["rate"].half
+
+
+def test_the_advice_on_sweeps_is_what_such_sweeps_then_give(tmp_path: Path) -> None:
+    device = replace(DUAL_MASS, rate=0.0)
+    one = swept(tmp_path / "one.csv", "xy", 1, device)
+    found = fg.identify([one])
+    promised = {each.name: each for each in found.advice}
+    assert set(promised) == {"repeat", "known rate", "amplitude"}
+    rate = -math.copysign(RATE, found["rate"].value)
+    turned = swept(tmp_path / "turned.csv", "xy", 2, replace(device, rate=rate)), {"rate": rate}
+    further = {"repeat": [one, swept(tmp_path / "two.csv", "xy", 2, device)], "known rate": [one, turned]}
+    for name, records in further.items():
+        then = fg.identify(records)
+        for quantity, (_, half) in promised[name].halves.items():
+            assert then[quantity].half == pytest.approx(half, rel=0.15), (name, quantity)
+
+
+def test_the_advice_for_one_pick_off_is_the_other_one_first() -> None:
+    times = np.arange(SAMPLES) / 32e3
+    decay = np.exp(-3 * times) * np.cos(2 * np.pi * 4000 * times)
+
+    def one(noise: float, seed: int) -> fg.identify.Record:
+        return fg.identify.Record(decay + noise * np.random.default_rng(seed).normal(size=SAMPLES), interval=1 / 32e3)
+
+    other, again, louder = fg.identify([one(1e-3, 0)]).advice
+    assert "both pick-offs" in other.words
+    for advice, records in ((again, [one(1e-3, 0), one(1e-3, 1)]), (louder, [one(5e-4, 0)])):
+        then = fg.identify(records)
+        assert set(advice.halves) == {"frequency_1", "quality_1", "kxx", "dxx"}
+        for name, (_, promised) in advice.halves.items():
+            assert then[name].half == pytest.approx(promised, rel=0.1)
 
 
 def test_a_lone_magnitude_is_refused(tmp_path: Path) -> None:

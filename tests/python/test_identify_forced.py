@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from functools import cache
+from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
@@ -19,19 +21,19 @@ DRIVE = np.array([[1.0, 0.0], [0.0, DUAL_MASS.ratio]]) @ (1e-2 * np.array([[1.0,
 THROUGH = np.array([[0.02, 0.005], [0.003, 0.03]])
 
 
-def forced(delay: float, seed: int, noise: float = 1e-3) -> fg.identify.Record:
+def forced(delay: float, seed: int, noise: float = 1e-3, drives: str = "xy") -> fg.identify.Record:
     """A record of a held random force, sample by sample: in each interval the delayed force changes once."""
-    whole, fraction = int(delay), delay % 1
+    whole, fraction = math.floor(delay), delay % 1
     stiffness, damping = DUAL_MASS.seen
     matrix = np.zeros((6, 6))
     matrix[:2, 2:4], matrix[2:4, :2], matrix[2:4, 2:4], matrix[2:4, 4:] = np.eye(2), -stiffness, -damping, DRIVE
     size = 2 * np.pi / PER_PERIOD
     first, second = expm(size * fraction * matrix)[:4], expm(size * (1 - fraction) * matrix)[:4]
     generator = np.random.default_rng(seed)
-    force = generator.normal(size=(2, SAMPLES))
+    force = generator.normal(size=(2, SAMPLES)) * [[float(axis in drives)] for axis in "xy"]
     state, motion = np.zeros(4), np.empty((2, SAMPLES))
     for i in range(SAMPLES):
-        late = force[:, i - whole] if i >= whole else np.zeros(2)
+        late = force[:, min(i - whole, SAMPLES - 1)] if i >= whole else np.zeros(2)
         before = force[:, i - whole - 1] if i > whole else np.zeros(2)
         motion[:, i] = state[:2] + THROUGH @ (before if fraction else late)
         state = first @ np.concatenate([state, before])
@@ -42,10 +44,10 @@ def forced(delay: float, seed: int, noise: float = 1e-3) -> fg.identify.Record:
 
 @cache
 def identified(delay: float) -> Found:
-    return fg.identify(forced(delay, seed=round(10 * delay)))
+    return fg.identify(forced(delay, seed=abs(round(10 * delay))))
 
 
-@pytest.mark.parametrize("delay", nightly_unless(lambda delay: delay == 2.4, [0.0, 3.0, 2.4, 0.7]))
+@pytest.mark.parametrize("delay", nightly_unless(lambda delay: delay in (2.4, -1.0), [0.0, 3.0, 2.4, 0.7, -1.0]))
 def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None:
     found = identified(delay)
     (fit,) = found.groups
@@ -64,6 +66,20 @@ def test_delay_and_device_are_found_within_their_intervals(delay: float) -> None
     squares = float(error @ np.linalg.solve(fit.fit.covariance * np.outer(scale, scale), error))
     assert squares < 33.0  # chi^2 with 12 degrees of freedom: 99.9 %
     assert not [each for each in found.tests if each.verdict == "fail"]
+
+
+def test_one_drive_has_its_own_gain_and_the_angle_to_its_own_axis(tmp_path: Path) -> None:
+    """A gain of the y drive that is negative, because its wires are exchanged, is not a turn."""
+    record = forced(0.0, seed=5, drives="y")
+    columns = [record.interval * np.arange(SAMPLES), record.x, record.y, *np.diag([1.0, -1.0]) @ record.force]
+    header = "time [s],x [V],y [V],force_x [V],force_y [V]"
+    np.savetxt(tmp_path / "y.csv", np.stack(columns, 1), delimiter=",", header=header, comments="", fmt="%.15g")
+    found = fg.identify([tmp_path / "y.csv"])
+    assert "y.csv: force_x is constant, and not used" in found.notes
+    assert "b1" not in found
+    assert abs(found["b2"].value / DUAL_MASS.omega**2 + DRIVE[1, 1] / DUAL_MASS.ratio) < 1.5 * found["b2"].half
+    assert abs(found["beta"].value) < 1.5 * found["beta"].half < 3.0
+    assert abs(found.scenario().device.force_misalignment) < 0.05
 
 
 @pytest.mark.nightly

@@ -22,11 +22,14 @@ from .quantity import NORMAL, functions, scales
 from .results import Results
 from .second_stage import MAX_SKEW
 from .structure import Group, Solution, Structure
+from .sweep import SweepFit, of_another
 
 Array = NDArray[np.float64]
 
 TURN = math.radians(300.0)  # rad/s, of a turntable
 NAMES = ("kxx", "kxy", "kyy", "dxx", "dxy", "dyy", "rate", "rate_offset", "pickoff_ratio", "skew")
+ONE_MODE = ("frequency_1", "quality_1", "kxx", "dxx")
+LOUDER = "twice the amplitude, or half the noise, if the device stays linear"
 HALVED = 0.505
 LARGEST_RATIO = math.log(2.0)  # 95 % limit of ln g beyond which a ratio is not determined
 MOST_PERIODS = 1e6  # in a longer record
@@ -56,66 +59,87 @@ class Advice:
 
 
 def advice(found: Results) -> tuple[Advice, ...]:
-    """Gain of each of several further records; empty with one pick-off or without a free decay."""
+    """Gain of each of several further records."""
     condition = found.conditions[0]
     device = condition.device
+    if device is None:
+        return _of_one_mode(found)
     both = [(state, fit) for state, fit in condition.fits if fit.shape.axes == 2]
-    place = next((i for i, (_, fit) in enumerate(both) if isinstance(fit, Fitted) and fit.shape.drives == 0), None)
-    if device is None or place is None:
-        return ()
-    state, fit = both[place]
-    assert isinstance(fit, Fitted)
+    free = next((i for i, (_, fit) in enumerate(both) if isinstance(fit, Fitted) and fit.shape.drives == 0), None)
     unit, names = device.problem.unit, device.problem.names
     parameters = device.solution.parameters
     groups = list(device.problem.groups)
     now = _halves(found, device.problem, parameters)
-    length, one = fit.segments[0].length, _decay(fit, 0)
     value = dict(zip(names, parameters, strict=True))
+    turn = -math.copysign(TURN, value.get("rate", max(device.problem.known, key=abs, default=-1.0)))
     listed: list[Advice] = []
 
     def add(name: str, words: str, more: Sequence[Group], instead: Sequence[Group] | None = None) -> None:
         after = [*(groups if instead is None else instead), *more]
         problem = replace(device.problem, groups=after)
         if not problem.skew and problem.known:  # known rates may show the skew, as in second_stage.py
-            free = replace(problem, skew=True)
-            place = free.names.index("skew")
-            if _covariance(free, _start(free, value))[place, place] < MAX_SKEW**2:
-                problem = free
+            skewed = replace(problem, skew=True)
+            place = skewed.names.index("skew")
+            if _covariance(skewed, _start(skewed, value))[place, place] < MAX_SKEW**2:
+                problem = skewed
         start = _start(problem, value)
         then = _halves(found, problem, start)
         listed.append(Advice(name, words, {each: (now.get(each, math.inf), half) for each, half in then.items()}))
 
-    again = _seen(fit, unit, [_information(fit, _decay(fit, i)) for i in range(len(fit.segments))], state.rate)
-    add("repeat", "the same again", [again])
-    for i, axis in enumerate("xy"):
-        start = np.zeros(4)
-        start[i] = float(np.abs(one.start).max())
-        further = _seen(fit, unit, [_information(fit, replace(one, start=start))], state.rate)
-        add(f"start {axis}", f"a decay of {length:.3g} s that starts along {axis}", [further])
-    longer = 2 * one.samples
-    if longer * one.interval < 2 * math.pi * MOST_PERIODS:
-        information = [
-            _information(fit, replace(_decay(fit, i), samples=2 * _decay(fit, i).samples))
-            for i in range(len(fit.segments))
-        ]
-        longest = _seen(fit, unit, information, state.rate)
-        # The fit's own interval over the bound that is computed here: the band, and noise that is not white.
-        loss = float(np.mean(np.diag(groups[place].covariance) / np.diag(again.covariance)))
-        instead = [replace(longest, covariance=loss * longest.covariance) if i == place else each
-                   for i, each in enumerate(groups)]  # fmt: skip
-        add("longer", f"records twice as long, {2 * length:.3g} s", [], instead)
-    turn = -math.copysign(TURN, value.get("rate", max(device.problem.known, key=abs, default=-1.0)))
-    turned = _turned(fit, unit, parameters, names, turn)
-    add("known rate", f"a decay of {length:.3g} s on a turntable at {math.degrees(turn):g} deg/s",
-        [_seen(turned, unit, [_information(turned, one)], turn)])  # fmt: skip
-    quieter = [Group(each.parameters, each.covariance / 4, each.rate, each.drives) for each in groups]
-    add("amplitude", "twice the amplitude, or half the noise, if the device stays linear", [], quieter)
-    share = _rounding(fit)
+    if free is None:  # sweeps and forced records: another of them is as good as the one at hand
+        add("repeat", "the same again", groups)
+        swept = both[0][1]
+        if isinstance(swept, SweepFit):
+            turned = _at_rate(groups[0], device.problem, value, turn)
+            scale = _units(swept, unit)
+            covariance = of_another(swept, turned.parameters / scale) * np.outer(scale, scale)
+            add("known rate", f"the sweep on a turntable at {math.degrees(turn):g} deg/s",
+                [replace(turned, covariance=covariance)])  # fmt: skip
+    else:
+        state, fit = both[free]
+        assert isinstance(fit, Fitted)
+        length, one = fit.segments[0].length, _decay(fit, 0)
+        again = _seen(fit, unit, [_information(fit, _decay(fit, i)) for i in range(len(fit.segments))], state.rate)
+        add("repeat", "the same again", [again])
+        for i, axis in enumerate("xy"):
+            start = np.zeros(4)
+            start[i] = float(np.abs(one.start).max())
+            further = _seen(fit, unit, [_information(fit, replace(one, start=start))], state.rate)
+            add(f"start {axis}", f"a decay of {length:.3g} s that starts along {axis}", [further])
+        if 2 * one.samples * one.interval < 2 * math.pi * MOST_PERIODS:
+            information = [
+                _information(fit, replace(_decay(fit, i), samples=2 * _decay(fit, i).samples))
+                for i in range(len(fit.segments))
+            ]
+            longest = _seen(fit, unit, information, state.rate)
+            # The fit's own interval over the bound that is computed here: the band, and noise that is not white.
+            loss = float(np.mean(np.diag(groups[free].covariance) / np.diag(again.covariance)))
+            instead = [replace(longest, covariance=loss * longest.covariance) if i == free else each
+                       for i, each in enumerate(groups)]  # fmt: skip
+            add("longer", f"records twice as long, {2 * length:.3g} s", [], instead)
+        group = _at_rate(groups[free], device.problem, value, turn)
+        moved = replace(fit, fit=replace(fit.fit, parameters=group.parameters / _units(fit, unit)))
+        add("known rate", f"a decay of {length:.3g} s on a turntable at {math.degrees(turn):g} deg/s",
+            [_seen(moved, unit, [_information(moved, one)], turn)])  # fmt: skip
+    quieter = [replace(each, covariance=each.covariance / 4) for each in groups]
+    add("amplitude", LOUDER, [], quieter)
+    share = 0.0 if free is None else _rounding(both[free][1])
     if share > 0.25:
-        finer = [Group(each.parameters, each.covariance * (1 - share * 15 / 16), each.rate, each.drives)
-                 for each in groups]  # fmt: skip
+        finer = [replace(each, covariance=each.covariance * (1 - share * 15 / 16)) for each in groups]
         add("bits", "two bits more of the converter", [], finer)
     return tuple(listed)
+
+
+def _of_one_mode(found: Results) -> tuple[Advice, ...]:
+    """With one pick-off: what it shows of its mode, and that the rest needs the other."""
+    swept = isinstance(found.groups[0], SweepFit)
+    again = "the same in the other direction, which also shows whether the sweep waits" if swept else "the same again"
+    known = {name: found[name].half for name in ONE_MODE if name in found and found[name].determined}
+    return (
+        Advice("both", "both pick-offs: shows the coupling, the other axis and the angular rate", {}),
+        Advice("repeat", again, {name: (half, half / math.sqrt(2)) for name, half in known.items()}),
+        Advice("amplitude", LOUDER, {name: (half, half / 2) for name, half in known.items()}),
+    )
 
 
 def _start(problem: Structure, value: Mapping[str, float]) -> Array:
@@ -132,8 +156,9 @@ def _covariance(problem: Structure, parameters: Array) -> Array:
     return np.asarray((inverse @ inverse.T) / np.outer(norms, norms))
 
 
-def _rounding(fit: Fitted) -> float:
+def _rounding(fit: Fitted | SweepFit) -> float:
     """Share of the converter's rounding in the variance of the noise of x."""
+    assert isinstance(fit, Fitted)
     step = (fit.segments[0].step or (0.0,))[0]
     return min(step**2 / 12 / float(fit.fit.noise[0, 0]) ** 2, 1.0)
 
@@ -215,21 +240,24 @@ def _information(fit: Fitted, decay: FreeDecay) -> Array:
 
 def _seen(fit: Fitted, unit: float, parts: Sequence[Array], rate: float | None) -> Group:
     """Records with the sum of this information, in units of the second stage's omega0."""
-    turn = fit.unit / unit
-    scale = np.array([turn**2] * 4 + [turn] * 4)
+    scale = _units(fit, unit)
     found = sum(parts) / np.outer(scale, scale)
     norms = np.sqrt(np.maximum(np.diag(found), np.finfo(float).tiny))
     covariance = np.linalg.pinv(found / np.outer(norms, norms), rcond=1e-14, hermitian=True)
     return Group(scale * fit.fit.parameters[:8], covariance / np.outer(norms, norms), rate)
 
 
-def _turned(fit: Fitted, unit: float, parameters: Array, names: Sequence[str], rate: float) -> Fitted:
-    """The fit with the parameters that the device would have at this rate, rad/s."""
-    value = dict(zip(names, parameters, strict=True))
-    problem = Structure([Group(np.zeros(8), np.eye(8), rate)], unit, "skew" in value)
-    seen = problem.predicted(np.array([value.get(each, 0.0) for each in problem.names]))
-    turn = unit / fit.unit
-    return replace(fit, fit=replace(fit.fit, parameters=seen * np.array([turn**2] * 4 + [turn] * 4)))
+def _at_rate(group: Group, problem: Structure, value: Mapping[str, float], rate: float) -> Group:
+    """The same record of the device at this rate, rad/s."""
+    turned = Structure([replace(group, rate=rate)], problem.unit, problem.skew, {}, problem.skewed_drives)
+    seen = turned.predicted(np.array([value.get(each, 0.0) for each in turned.names]))
+    return replace(group, parameters=seen, rate=rate)
+
+
+def _units(fit: Fitted | SweepFit, unit: float) -> Array:
+    """Factors of K, C and B from the fit's unit of time to another omega0."""
+    turn = fit.unit / unit
+    return np.array([turn**2] * 4 + [turn] * 4 + [turn**2] * (2 * fit.shape.drives))
 
 
 # -- Intervals ---------------------------------------------------------------------------------------------------------

@@ -166,6 +166,8 @@ def _identified(
         notes.append("records without a stated rate are taken at one common rate")
     if known.mass is None:
         notes.append("no mass was given: stiffness and damping are per mass")
+    if known.pickoff is None:
+        notes.append("no gain of the pick-off was given: the scenario's amplitude and noise are not from these records")
     trends = _trends(conditions)
     return Found(
         tuple(conditions), tuple(checks), tuple(dict.fromkeys(notes)), known, dict(sorted(files.items())), trends
@@ -176,8 +178,8 @@ def _is_at(state: State, condition: State) -> bool:
     return (state.bias, state.temperature) == (condition.bias, condition.temperature)
 
 
-def _kind(segment: Segment) -> tuple[float | None, tuple[str, ...], int]:
-    return segment.state.rate, segment.axes, 0 if segment.force is None else segment.force.shape[0]
+def _kind(segment: Segment) -> tuple[float | None, tuple[str, ...], tuple[str, ...]]:
+    return segment.state.rate, segment.axes, segment.drives
 
 
 def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known: Known, notes: list[str]) -> Condition:
@@ -195,7 +197,7 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
     else:
         notes.append(
             "only one pick-off was recorded: coupling, rate and the other axis are not known; stiffness and damping "
-            "are those of the mode"
+            "are those of the mode, and the other axis of the scenario is supposed: its rate figures are not measured"
         )
         found |= pooled([_one_axis(each, known) for each in alike])
     timed = [fit for _, fit in fits if isinstance(fit, Fitted)]
@@ -215,12 +217,18 @@ def _axes(fit: Fitted | SweepFit) -> tuple[str, ...]:
     return fit.response.axes if isinstance(fit, SweepFit) else fit.segments[0].axes
 
 
+def _drives(fit: Fitted | SweepFit) -> tuple[str, ...]:
+    return fit.response.drives if isinstance(fit, SweepFit) else fit.segments[0].drives
+
+
 def _delay(fits: list[tuple[State, Fitted | SweepFit]]) -> dict[str, Quantity]:
     """The delay of the force of the first forced record."""
     for _, fit in fits:
         if isinstance(fit, Fitted) and fit.delay is not None and math.isfinite(fit.delay.deviation):
             value, half = fit.delay.seconds, NORMAL * fit.delay.deviation * fit.delay.interval
             words = f"{fit.delay.samples + fit.delay.fraction:.4g} samples"
+            if value + half < 0:
+                words += ": each force stands in the row of the motion after it"
             return {"delay": Quantity("delay", value, (value - half, value + half), "s", note=words)}
     return {}
 
@@ -249,7 +257,7 @@ def _group(state: State, fit: Fitted | SweepFit, unit: float) -> Group:
     scale = [float(each) for each in powers]
     parameters = fit.fit.parameters * scale
     covariance = fit.fit.covariance * [[a * b for b in scale] for a in scale]
-    return Group(parameters, covariance, state.rate, fit.shape.drives)
+    return Group(parameters, covariance, state.rate, _drives(fit))
 
 
 def _one_axis(fit: Fitted | SweepFit, known: Known) -> dict[str, Quantity]:

@@ -36,6 +36,8 @@ def prepared(segment: Segment) -> tuple[Segment, list[str]]:
     for axis, row in zip(segment.axes, segment.motion, strict=True):
         if np.ptp(row) == 0:
             raise ValueError(f"{segment.name}: only an offset is in {axis}: is it coupled, is the unit right?")
+    segment, more = _without_idle_drives(segment)
+    notes += more
     steps = tuple(step_of(row) for row in segment.motion)
     segment, more = _after_clipping(segment, steps)
     notes += more
@@ -59,6 +61,19 @@ def prepared(segment: Segment) -> tuple[Segment, list[str]]:
                 "steps: rounding is not random; use a smaller range"
             )
     return replace(segment, step=steps), [f"{segment.name}: {note}" for note in notes]
+
+
+def _without_idle_drives(segment: Segment) -> tuple[Segment, list[str]]:
+    """The segment without drives whose force is constant: what they would move is not seen."""
+    if segment.force is None:
+        return segment, []
+    moves = [bool(np.ptp(row) > 0) for row in segment.force]
+    if all(moves):
+        return segment, []
+    idle = [f"force_{axis}" for axis, used in zip(segment.drives, moves, strict=True) if not used]
+    drives = tuple(axis for axis, used in zip(segment.drives, moves, strict=True) if used)
+    segment = replace(segment, force=segment.force[moves] if drives else None, drives=drives)
+    return segment, [f"{' and '.join(idle)} {'is' if len(idle) == 1 else 'are'} constant, and not used"]
 
 
 def step_of(row: Array) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cubic import Cubic, with_springs
-from .forced import MAX_DELAY, Delay, delayed, fractional, spectrum_of
+from .forced import DELAYS, Delay, delayed, fractional, spectrum_of
 from .likelihood import Fit, maximize, search
 from .model import Shape, poles
 from .records import Segment, part
@@ -92,12 +92,12 @@ def fit_segments(segments: Sequence[Segment], unit: float | None = None) -> Fitt
     rough = [
         _shortened(each, ROUGH * clearest(one) * each.interval) for each, one in zip(segments, searches, strict=True)
     ]
-    steps = range(MAX_DELAY + 1) if drives else range(1)
-    tried = [_started(shape, rough, unit, (low, high), each) for each in steps]
+    delays = DELAYS if drives else range(1)
+    tried = [_started(shape, rough, unit, (low, high), each) for each in delays]
     # A delay by half a period more resembles a negative gain: each delay that is better than its neighbors is fitted.
     sums = [math.inf, *(each[0] for each in tried), math.inf]
-    likely = [each for each in steps if sums[each + 1] <= min(sums[each], sums[each + 2])]
-    fits = [_followed(shape, segments, unit, (low, high), each, *tried[each][1:]) for each in likely]
+    likely = [i for i in range(len(tried)) if sums[i + 1] <= min(sums[i], sums[i + 2])]
+    fits = [_followed(shape, segments, unit, (low, high), delays[i], *tried[i][1:]) for i in likely]
     best = min(fits, key=_left)
     fit, springs = with_springs(shape, best.fit, best.spectra, best.segments, unit)
     return replace(best, fit=fit, cubic=springs)

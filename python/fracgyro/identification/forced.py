@@ -1,6 +1,6 @@
 """The delay of the force in a forced record: whole samples by the likelihood, then a fraction of the interval.
 
-The first samples of a record are left out of the motion, so that the force before each of them is known.
+The first samples of a record and the last are left out of the motion, so that the force of each is known.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .thermal import thermal_spectra, weights
 
 Array = NDArray[np.float64]
 
-MAX_DELAY = 8  # samples
+DELAYS = range(-1, 9)  # samples; -1: each force stands in the row of the motion after it
 GAIN = 6.63  # decrease of the sum of squares of a fraction that is kept: 1 % of chi^2 with one degree of freedom
 SEARCHES, POLISH = 10, 4  # steps of the search for the fraction, and steps of each fit in it
 REFINEMENTS = 4  # looks at the fraction that the search found, each but the last with a step
@@ -53,14 +53,13 @@ class Delay:
 
 
 def delayed(segment: Segment, delay: int) -> Segment:
-    """The segment without its first samples, with the force of `delay` samples earlier."""
-    first = MAX_DELAY + 1
+    """The segment without its first samples and its last, with the force of `delay` samples earlier."""
     force = segment.force
     assert force is not None
-    last = force.shape[1]
+    first, last = DELAYS[-1] + 1, force.shape[1] + DELAYS[0]
     return replace(
         segment,
-        motion=segment.motion[:, first:],
+        motion=segment.motion[:, first:last],
         force=force[:, first - delay : last - delay],
         before=force[:, first - delay - 1 : last - delay - 1],
         begin=segment.begin + first * segment.interval,
@@ -80,7 +79,7 @@ def fractional(
     whiten = weights(noise, thermal_spectra(shape, spectra, unit, fit.parameters) if noise.is_thermal else None)
     best: tuple[float, float, int, list[Spectrum]] = fit.squares - GAIN, 0.0, delay, list(spectra)
     for whole in (delay, delay - 1):
-        if whole < 0:
+        if whole < DELAYS[0]:
             continue
         moved = list(spectra)
         if whole != delay:  # the same motion, with the force of one sample later

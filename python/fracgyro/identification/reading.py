@@ -26,6 +26,7 @@ PREFIXES = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "μ": 1e-6, "n": 1e-9, "p":
 BASES = ("V", "A", "N", "m")
 COUNTS = ("code", "codes", "count", "counts", "lsb", "1")
 QUANTITY = re.compile(r"(x|y|force_x|force_y|rate|temperature|bias)(?:[ _]*[\[(]\s*([^\])]*?)\s*[\])])?", re.IGNORECASE)
+OTHER_TIME = re.compile(r"(?:time|t)[ _]*[\[(].*[\])]", re.IGNORECASE)
 FREQUENCY = re.compile(r"(?:f|freq|frequency)(?:[ _]*[\[(]?\s*(k|M|G)?hz\s*[\])]?)?", re.IGNORECASE)
 MAX_UNEVEN = 0.1  # intervals, of a sample from an even clock
 NEGLIGIBLE = 1e-10  # share of the sampling rate
@@ -96,15 +97,16 @@ def _decay(table: Table, given: Decay) -> tuple[list[Segment], list[str]]:
     motion = np.stack([values[axis] * _scale(units[axis], name, axis)[0] for axis in axes])
     bases = tuple(_scale(units[axis], name, axis)[1] for axis in axes)
     if len(set(bases)) > 1:
-        notes.append(
-            f'the unit "{units["y"]}" of y and "{units["x"]}" of x differ: the pick-off ratio is in {bases[1]} per '
-            f"{bases[0]}"
+        raise ValueError(
+            f"{name}: x is in {cut(units['x']) or 'code'} and y in {cut(units['y']) or 'code'}: both must be in one "
+            "unit, V, A, N, m or code, with any prefix"
         )
-    drives = [each for each in ("force_x", "force_y") if each in values]
+    drives = tuple(axis for axis in ("x", "y") if f"force_{axis}" in values)
     force, force_unit = None, ""
     if drives:
-        force = np.stack([values[each] * _scale(units[each], name, each)[0] for each in drives])
-        force_unit = _scale(units[drives[0]], name, drives[0])[1]
+        pushed = [f"force_{axis}" for axis in drives]
+        force = np.stack([values[each] * _scale(units[each], name, each)[0] for each in pushed])
+        force_unit = _scale(units[pushed[0]], name, pushed[0])[1]
     state = _state(given, values, units, name)
     found = []
     begin = number(f"{name}: begin", given.begin, least=0.0) if given.begin is not None else 0.0
@@ -122,6 +124,7 @@ def _decay(table: Table, given: Decay) -> tuple[list[Segment], list[str]]:
                     cut_force,
                     interval,
                     axes,
+                    drives,
                     state,
                     bases,
                     force_unit,
@@ -180,6 +183,11 @@ def _times(
     if given.sampling is not None:
         return 1 / number(f"{name}: sampling", given.sampling, above=0.0), [0, len(times)], []
     if timed is None:
+        other = next((each for each in table.names if OTHER_TIME.fullmatch(_plain(each))), None)
+        if other is not None:
+            raise ValueError(
+                f"{name}: {cut(other)} must be in s, ms, us or ns; or give --sampling (sampling in Python)"
+            )
         raise ValueError(
             f"{name} has no column time: give the sampling rate in Hz with --sampling (sampling in Python)"
         )

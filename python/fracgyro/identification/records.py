@@ -102,8 +102,8 @@ class Sweep:
 class Segment:
     """A part of a record without gaps. `motion`: (axes, samples); `force`: (drives, samples), or None.
 
-    `axes`: the pick-offs of the rows; `begin`: s from the first sample of the record; `step`: of the converter of each
-    pick-off, 0 without one; `units`: of each pick-off; `before`: the force one sample earlier.
+    `axes`, `drives`: of the rows of motion and force; `begin`: s from the first sample of the record; `step`: of the
+    converter of each pick-off, 0 without one; `units`: of each pick-off; `before`: the force one sample earlier.
     """
 
     name: str
@@ -111,6 +111,7 @@ class Segment:
     force: Array | None
     interval: float
     axes: tuple[str, ...]
+    drives: tuple[str, ...]
     state: State
     units: tuple[str, ...]
     force_unit: str = ""
@@ -160,7 +161,10 @@ def of_arrays(record: Record) -> Segment:
             raise ValueError(f"{name}: force is not finite everywhere: it must have finite numbers")
     state = State(record.rate, record.bias, record.temperature).checked(name)
     motion = np.stack(rows)
-    return Segment(name, motion, force, interval, tuple(given), state, ("",) * len(rows), digest=digest(motion, force))
+    drives = AXES[: 0 if force is None else len(force)]
+    return Segment(
+        name, motion, force, interval, tuple(given), drives, state, ("",) * len(rows), digest=digest(motion, force)
+    )
 
 
 def digest(*arrays: Array | None) -> str:

@@ -57,7 +57,7 @@ def fit_device(groups: Sequence[Group], unit: float, known: Known) -> Device:
     if not problem.skew:
         notes.append("the pick-offs are assumed at right angles: a known rate shows their skew")
     solution, freedom = best(problem), _freedom(problem)
-    if max(each.drives for each in groups) == 2:
+    if "b2" in problem.names and "b1" in problem.names:
         skewed = replace(problem, skewed_drives=True)
         if freedom > 0 and chdtrc(freedom, solution.squares) < REJECTED:
             problem, solution, freedom = skewed, best(skewed), _freedom(skewed)

@@ -29,6 +29,7 @@ MAX_RATIO_STEP, MAX_LOG_RATIO = 1.0, 16.0  # limits of the logarithm of the pick
 COMPLEX_STEP = 1e-30
 EXACT = 1e-12  # deviation of a value that is assumed exactly, in units of omega0
 SINGULAR = 1e-14  # smallest eigenvalue of a correlation matrix
+GAINS = {"x": "b1", "y": "b2"}  # force per unit of the drive, by axis
 EARTH = 7.3e-5  # rad/s: a device at rest on its bench turns with the earth, by at most this
 
 
@@ -36,13 +37,13 @@ EARTH = 7.3e-5  # rad/s: a device at rest on its bench turns with the earth, by 
 class Group:
     """Result of the first stage for one state of the device, with two pick-offs.
 
-    `drives`: 0, 1 or 2; `rate`, rad/s, of the turntable; None: unknown, and the same in all groups.
+    `drives`: the axes of its drives; `rate`, rad/s, of the turntable; None: unknown, and the same in all groups.
     """
 
     parameters: Array
     covariance: Array
     rate: float | None = None
-    drives: int = 0
+    drives: tuple[str, ...] = ()
 
 
 def invariants(parameters: NDArray[Any]) -> NDArray[Any]:
@@ -90,8 +91,9 @@ class Structure:
         """Parameters, in their order. `rate`: the unknown one; `rate_offset`: added to each of several known rates."""
         rates = ["rate"] if any(each.rate is None for each in self.groups) else []
         offset = ["rate_offset"] if len(self.known) > 1 else []
-        drives = {0: [], 1: ["b1", "beta"], 2: ["b1", "b2", "beta"]}[max(each.drives for each in self.groups)]
-        if "b2" in drives and self.skewed_drives:
+        used = {axis for each in self.groups for axis in each.drives}
+        drives = [GAINS[axis] for axis in sorted(used)] + (["beta"] if used else [])
+        if self.skewed_drives:
             drives.append("drive_skew")
         skew = ["skew"] if self.skew else []
         return ["kxx", "kxy", "kyy", "dxx", "dxy", "dyy", *rates, *offset, "log_ratio", *skew, *drives]
@@ -110,14 +112,13 @@ class Structure:
             found += _seen(ratio, skew, value["kxx"], value["kxy"], value["kxy"], value["kyy"])
             coriolis = value["dxy"] - 2 * rate, value["dxy"] + 2 * rate
             found += _seen(ratio, skew, value["dxx"], *coriolis, value["dyy"])
-            if each.drives:
-                turn = np.cos(value["beta"]), np.sin(value["beta"])
-                columns = [(value["b1"] * turn[0], value["b1"] * turn[1])]
-                if each.drives == 2:
-                    second = value["beta"] + value.get("drive_skew", 0.0)
-                    columns.append((-value["b2"] * np.sin(second), value["b2"] * np.cos(second)))
-                found += [x for x, _ in columns]
-                found += [skew * x + ratio * y for x, y in columns]
+            columns = []
+            for axis in each.drives:
+                turn = value["beta"] + (value.get("drive_skew", 0.0) if axis == "y" else 0.0)
+                along = (np.cos(turn), np.sin(turn)) if axis == "x" else (-np.sin(turn), np.cos(turn))
+                columns.append([value[GAINS[axis]] * part for part in along])
+            found += [x for x, _ in columns]
+            found += [skew * x + ratio * y for x, y in columns]
         return np.stack(found)
 
     @cached_property
@@ -149,26 +150,27 @@ class Structure:
 
     def start(self, ratio: float) -> Array:
         """First values for this pick-off ratio."""
-        first = max(self.groups, key=lambda each: each.drives)
-        stiffness, damping, drive = Shape(2, first.drives).matrices(first.parameters)
+        stiffness, damping = _matrices(self.groups[0])[:2]
         value = dict.fromkeys(self.names, 0.0)
         value |= {"kxx": stiffness[0, 0], "kyy": stiffness[1, 1], "dxx": damping[0, 0], "dyy": damping[1, 1]}
         value["kxy"] = (stiffness[0, 1] * ratio + stiffness[1, 0] / ratio) / 2
         value["dxy"] = (damping[0, 1] * ratio + damping[1, 0] / ratio) / 2
         if "rate" in value:
-            own = next(each for each in self.groups if each.rate is None)
-            damping = Shape(2, own.drives).matrices(own.parameters)[1]
+            damping = _matrices(next(each for each in self.groups if each.rate is None))[1]
             value["rate"] = (damping[1, 0] / ratio - damping[0, 1] * ratio) / 4
         value["log_ratio"] = np.log(ratio)
-        if first.drives:
-            value["beta"] = float(np.arctan2(drive[1, 0] / ratio, drive[0, 0]))
-            value["b1"] = float(np.hypot(drive[0, 0], drive[1, 0] / ratio))
-            if abs(value["beta"]) > np.pi / 2:  # a negative gain rather than a turn by half a circle
-                value["beta"] -= float(np.sign(value["beta"])) * np.pi
-                value["b1"] = -value["b1"]
-            if first.drives == 2:
-                value["b2"] = float(drive[1, 1] / ratio)
+        for axis in sorted({axis for each in self.groups for axis in each.drives}, reverse=True):  # beta: of x, if any
+            own = next(each for each in self.groups if axis in each.drives)
+            x, y = _matrices(own)[2][:, own.drives.index(axis)] / (1.0, ratio)
+            along, across = (x, y) if axis == "x" else (y, -x)
+            sign = -1.0 if along < 0 else 1.0  # a negative gain rather than a turn by half a circle
+            value["beta"] = float(np.arctan2(sign * across, sign * along))
+            value[GAINS[axis]] = float(sign * np.hypot(along, across))
         return np.array([float(value[name]) for name in self.names])
+
+
+def _matrices(group: Group) -> tuple[Array, Array, Array]:
+    return Shape(2, len(group.drives)).matrices(group.parameters)
 
 
 def _seen(ratio: Any, skew: Any, xx: Any, xy: Any, yx: Any, yy: Any) -> list[Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -41,7 +42,8 @@ class SweepResult:
 class SweepFit:
     """The fit of a sweep. `unit`: omega0, rad/s; `model`: the fitted response, (frequencies, axes, drives); `widened`:
     factor on all deviations, because the residuals of neighbors are correlated; `direction`: up or down; `lean`: score
-    of a cubic spring along each axis, in deviations; `lean_shift`: of the frequency by it at the peak, Hz."""
+    of a cubic spring along each axis, in deviations; `lean_shift`: of the frequency by it at the peak, Hz; `problem`:
+    the model with widened noise; `parts`: linear parts of each drive."""
 
     fit: SweepResult
     shape: Shape
@@ -57,6 +59,8 @@ class SweepFit:
     direction: str
     lean: Array
     lean_shift: Array
+    problem: SweepModel
+    parts: Sequence[Array]
 
     def plain(self) -> dict[str, Any]:
         """The fit as JSON."""
@@ -165,24 +169,11 @@ def _result(
     `model`: with noise that is `widened`.
     """
     shape, n = model.shape, model.shape.axes
-    columns, derivatives, _ = model.linear(parameters)
+    columns = model.linear(parameters)[0]
     rest, _, parts = model.evaluate(parameters)
-    size = 4 * n
-    count = len(parameters)
-    matrix = model.stacked_columns(columns)
-    height = len(matrix)
-    whole = np.zeros((height * shape.drives + 1, count + shape.drives * size))
-    whole[-1, count - 1] = 1 / DELAY
-    for drive, linear in enumerate(parts):
-        rows = slice(drive * height, (drive + 1) * height)
-        whole[rows, :count] = model.moved(derivatives, linear)
-        whole[rows, count + drive * size : count + (drive + 1) * size] = matrix
-    norms = np.maximum(np.linalg.norm(whole, axis=0), np.finfo(float).tiny)
-    inverse = np.linalg.pinv(whole / norms, rcond=1e-13)
+    covariance, whole = _joint(model, parameters, parts)
     residuals = tuple(widened * each for each in _residuals(model, parameters))
-    covariance = (inverse @ inverse.T) / np.outer(norms, norms)
-    square = 2 * n * n
-    places = [*range(square), *(count + drive * size + row for row in range(n) for drive in range(shape.drives))]
+    count, size, square, places = len(parameters), 4 * n, 2 * n * n, _places(shape)
     drives = np.stack([part[:n] for part in parts], axis=1)
     through: Complex = np.stack([part[2 * n : 3 * n] + 1j * part[3 * n :] for part in parts], axis=1)
     feedthrough: Complex = np.asarray(np.exp(-1j * parameters[-2]) * through, dtype=complex)  # at the middle
@@ -202,7 +193,7 @@ def _result(
         [_size_deviation(covariance, count + drive * size, n, through[:, drive]) for drive in range(shape.drives)],
         axis=1,
     )
-    lean, lean_shift = _lean(model, parameters, whole / norms, rest, drives)
+    lean, lean_shift = _lean(model, parameters, whole, rest, drives)
     return SweepFit(
         result,
         shape,
@@ -218,7 +209,46 @@ def _result(
         "up" if response.frequency[-1] > response.frequency[0] else "down",
         lean,
         lean_shift,
+        model,
+        parts,
     )
+
+
+def _joint(model: SweepModel, parameters: Array, parts: Sequence[Array]) -> tuple[Array, Array]:
+    """Covariance of K, C, phase, delay and the linear parts of each drive, and the scaled derivatives behind it."""
+    columns, derivatives, _ = model.linear(parameters)
+    count, size, drives = len(parameters), 4 * model.shape.axes, model.shape.drives
+    matrix = model.stacked_columns(columns)
+    height = len(matrix)
+    whole = np.zeros((height * drives + 1, count + drives * size))
+    whole[-1, count - 1] = 1 / DELAY
+    for drive, linear in enumerate(parts):
+        rows = slice(drive * height, (drive + 1) * height)
+        whole[rows, :count] = model.moved(derivatives, linear)
+        whole[rows, count + drive * size : count + (drive + 1) * size] = matrix
+    norms = np.maximum(np.linalg.norm(whole, axis=0), np.finfo(float).tiny)
+    inverse = np.linalg.pinv(whole / norms, rcond=1e-13)
+    return (inverse @ inverse.T) / np.outer(norms, norms), whole / norms
+
+
+def _places(shape: Shape) -> list[int]:
+    """Places of K, C and B in the covariance of all."""
+    square = 2 * shape.axes**2
+    first = square + 2
+    drives = (first + 4 * shape.axes * drive + row for row in range(shape.axes) for drive in range(shape.drives))
+    return [*range(square), *drives]
+
+
+def of_another(swept: SweepFit, parameters: Array) -> Array:
+    """Covariance of K, C and B in a sweep such as this one of a device with these."""
+    n = swept.shape.axes
+    square = 2 * n * n
+    drive = parameters[square:].reshape(n, swept.shape.drives)
+    parts = [np.concatenate([drive[:, k], part[n:]]) for k, part in enumerate(swept.parts)]
+    model = swept.problem
+    found = _joint(model, np.concatenate([parameters[:square], [swept.phase, swept.delay * model.unit]]), parts)[0]
+    places = _places(swept.shape)
+    return np.asarray(found[np.ix_(places, places)])
 
 
 def _size_deviation(covariance: Array, first: int, n: int, through: Complex) -> Array:
