@@ -1,4 +1,5 @@
 // A dynamic rate, time-varying springs, and the device between the gyroscope and its controller.
+#include "made.hpp"
 #include "paper.hpp"
 #include "scalars.hpp"
 

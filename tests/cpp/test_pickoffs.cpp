@@ -1,5 +1,6 @@
 // Known pick-offs: the correction of measurements, and a controller behind it.
 #include "follow.hpp"
+#include "made.hpp"
 #include "scalars.hpp"
 
 #include "fracgyro/controllers/conventional.hpp"

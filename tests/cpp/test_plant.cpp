@@ -1,3 +1,4 @@
+#include "made.hpp"
 #include "paper.hpp"
 #include "scalars.hpp"
 

@@ -185,15 +185,21 @@ struct SizedController<C, Capacity> {
     using Type = typename C::template Sized<Capacity>;
 };
 
-// Coefficients of a controller from these parameters, if they are its own.
-template <class C>
-typename C::Coefficients prepare(const ControllerParams& any, const Common& common) {
-    const typename C::Params* own = nullptr;
+// The parameters, if they are of this type. Compiled once for each type, of which there are fewer than of controllers.
+template <class Own>
+const Own* own_params(const ControllerParams& any) {
+    const Own* own = nullptr;
     with_params(any, [&]<class Params>(const Params& p, auto) {
-        if constexpr (std::is_same_v<Params, typename C::Params>) {
+        if constexpr (std::is_same_v<Params, Own>) {
             own = &p;
         }
     });
+    return own;
+}
+// Coefficients of a controller from these parameters, if they are its own.
+template <class C>
+typename C::Coefficients prepare(const ControllerParams& any, const Common& common) {
+    const typename C::Params* own = own_params<typename C::Params>(any);
     return own == nullptr ? typename C::Coefficients{} : C::prepare(*own, common);
 }
 // Coefficients of a controller from its own parameters; it need not be in the registry.
