@@ -23,10 +23,11 @@ using namespace fracgyro;
 
 namespace {
 
-// Built like the Python module: a function for each controller, and noise in the widest registers.
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, double* rows, FillNoise noise) {
-    return record<C>(setup, 1, rows, noise);
+using Paper = SlidingModeController<double, FractionalFastTerminalSurface, GradientAdaptation>;  // of the setup
+
+// Built like the Python module, with noise in the widest registers.
+FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_paper(const Setup& setup, double* rows, FillNoise noise) {
+    return record<Paper>(setup, 1, rows, noise);
 }
 FillNoise fill_noise_here() {
 #ifdef FRACGYRO_LANES_X86
@@ -39,12 +40,7 @@ FillNoise fill_noise_here() {
 #endif
     return kernels_for_any_processor().doubles.fill_noise;
 }
-std::int64_t record_run(const Setup& setup, double* rows) {
-    std::int64_t samples = 0;
-    with_controller<double>(setup.controller,
-                            [&]<class C>() { samples = record_one<C>(setup, rows, fill_noise_here()); });
-    return samples;
-}
+std::int64_t record_run(const Setup& setup, double* rows) { return record_paper(setup, rows, fill_noise_here()); }
 
 // Exponentials of α = 0.9 from standard input, as the Python package designed them: count, then pole and weight of
 // each.
@@ -63,32 +59,21 @@ ExponentialSum read_kernel() {
     return kernel;
 }
 
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR double one_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
+FRACGYRO_FOR_EACH_PROCESSOR double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
     double last = 0.0;
-    run_loop<C>(
+    run_loop<Paper>(
         setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
         [&](const auto& at) { last = at.signals.error.value.x(); });
     return last;
 }
-double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
-    double last = 0.0;
-    with_controller<double>(setup.controller, [&]<class C>() { last = one_unkept<C>(setup, noise); });
-    return last;
-}
-
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR void one_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise,
+FRACGYRO_FOR_EACH_PROCESSOR void run_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise,
                                               double* rows) {
-    run_loop<C>(
+    run_loop<Paper>(
         setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
         [&](const auto& at) {
             write_row(at, rows);
-            rows += row_width<typename C::Report>;
+            rows += row_width<Paper::Report>;
         });
-}
-void run_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise, double* rows) {
-    with_controller<double>(setup.controller, [&]<class C>() { one_prepared<C>(setup, noise, rows); });
 }
 
 #ifdef FRACGYRO_LANES_X86
@@ -157,7 +142,12 @@ struct Timed {
 
 int main() {
     const Setup setup = paper(80'000, read_kernel());
-    const std::size_t width = row_width_of(setup.controller);
+    constexpr std::size_t width = row_width<Paper::Report>;
+    bool is_paper = false;
+    with_controller<double>(setup.controller, [&]<class C>() { is_paper = std::is_same_v<C, Paper>; });
+    if (!is_paper) {
+        return 1;
+    }
     std::vector<double> rows(static_cast<std::size_t>(setup.steps + 1) * width);
     std::vector<Vec2<double>> noise(static_cast<std::size_t>(setup.steps + 1));
     Disturbance(setup.disturbance, setup.common.step).fill(0, noise);

@@ -577,6 +577,13 @@ def test_one_pick_off_says_what_is_not_known() -> None:
     assert found.scenario().plant.stiffness.xx == pytest.approx(found["kxx"].value)
 
 
+def test_the_only_pick_off_is_the_x_axis_whatever_its_name() -> None:
+    found = fg.identify(fg.identify.Record(y=motion()[1], interval=DUAL_MASS.interval(PER_PERIOD)))
+    assert "only the y pick-off was recorded: its axis is called x here and in the scenario" in found.notes
+    assert found["frequency_1"].value == pytest.approx(3978.0, abs=1.0)
+    assert found.scenario().plant.stiffness.xx == pytest.approx(found["kxx"].value)
+
+
 def test_a_path_that_ends_in_toml_is_only_the_scenario(written: Path, tmp_path: Path) -> None:
     target = tmp_path / "device.toml"
     arguments = [str(written / "turned.csv"), "--out", str(target), "--pickoff-ratio", "0.00101+-0.00001", "--json"]

@@ -74,7 +74,8 @@ template <std::size_t Bytes>
 // d at the requested steps, in any order.
 class Disturbance {
 public:
-    Disturbance(const DisturbanceParams& params, double step, FillNoise noise = &fill_noise<word_bytes>)
+    [[gnu::noinline]] Disturbance(const DisturbanceParams& params, double step,
+                                  FillNoise noise = &fill_noise<word_bytes>)
         : params_(params), phases_(SteadyPhases<double>::prepare(params.frequency, params.phase, step)), noise_(noise) {
         for (const DisturbanceTerm& term : params.terms) {
             terms_.emplace_back(term, params.seed, step);
@@ -93,7 +94,7 @@ public:
     }
 
     // Writes d for the steps first, first+1, … .
-    void fill(std::int64_t first, std::span<Vec2<double>> out) const {
+    [[gnu::noinline]] void fill(std::int64_t first, std::span<Vec2<double>> out) const {
         fill_base(first, out);
         for (const TermValues& term : terms_) {
             const auto count = static_cast<std::int64_t>(out.size());

@@ -10,8 +10,8 @@ namespace fracgyro {
 template <Controller C, class Gyroscope = IdealGyroscope<typename C::Value>, class Setup, class Disturb, class Observe>
 std::int64_t run_loop(const Setup& setup, Disturb&& disturb, Observe&& observe) {
     using Loop = Stepper<C, Gyroscope>;
-    const auto coefficients = Loop::prepare(setup);
-    auto state = Loop::begin(setup);
+    const auto coefficients = copied(Loop::prepare(setup));
+    auto state = copied(Loop::begin(setup));
     Loop::run(state, coefficients, setup.steps + 1, disturb, observe);
     return state.step;
 }

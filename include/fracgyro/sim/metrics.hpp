@@ -277,8 +277,8 @@ Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& para
     const auto number = [](const T& a) { return static_cast<double>(a); };
     const std::int64_t samples = setup.steps + 1, half = setup.steps / 2;
     const std::int64_t steady_from = first_steady_sample(params, setup);
-    const auto coefficients = Loop::prepare(setup);
-    auto state = Loop::begin(setup);
+    const auto coefficients = copied(Loop::prepare(setup));
+    auto state = copied(Loop::begin(setup));
     const Disturbance disturbance(setup.disturbance, setup.common.step, noise);
     std::array<Vec2<double>, longest_segment> coming{};
     MetricsSums<T> sums{.error_bound_squared = T(params.error_bound * params.error_bound),

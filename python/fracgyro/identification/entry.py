@@ -195,6 +195,8 @@ def _condition(state: State, fits: list[tuple[State, Fitted | SweepFit]], known:
         found |= device.quantities
         notes += device.notes
     else:
+        if _axes(first) == ("y",):
+            notes.append("only the y pick-off was recorded: its axis is called x here and in the scenario")
         notes.append(
             "only one pick-off was recorded: coupling, rate and the other axis are not known; stiffness and damping "
             "are those of the mode, and the other axis of the scenario is supposed: its rate figures are not measured"

@@ -102,11 +102,8 @@ def _decay(table: Table, given: Decay) -> tuple[list[Segment], list[str]]:
             "unit, V, A, N, m or code, with any prefix"
         )
     drives = tuple(axis for axis in ("x", "y") if f"force_{axis}" in values)
-    force, force_unit = None, ""
-    if drives:
-        pushed = [f"force_{axis}" for axis in drives]
-        force = np.stack([values[each] * _scale(units[each], name, each)[0] for each in pushed])
-        force_unit = _scale(units[pushed[0]], name, pushed[0])[1]
+    pushed = [f"force_{axis}" for axis in drives]
+    force = np.stack([values[each] * _scale(units[each], name, each)[0] for each in pushed]) if drives else None
     state = _state(given, values, units, name)
     found = []
     begin = number(f"{name}: begin", given.begin, least=0.0) if given.begin is not None else 0.0
@@ -127,7 +124,6 @@ def _decay(table: Table, given: Decay) -> tuple[list[Segment], list[str]]:
                     drives,
                     state,
                     bases,
-                    force_unit,
                     float(since[kept[0] - first]),
                     digest=digest(motion[:, one], cut_force),
                 )

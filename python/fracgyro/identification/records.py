@@ -114,7 +114,6 @@ class Segment:
     drives: tuple[str, ...]
     state: State
     units: tuple[str, ...]
-    force_unit: str = ""
     begin: float = 0.0
     step: tuple[float, ...] = ()
     digest: str = ""
