@@ -23,7 +23,7 @@ using namespace fracgyro;
 
 namespace {
 
-using Paper = SlidingModeController<double, FractionalFastTerminalSurface, GradientAdaptation>;  // of the setup
+using Paper = SlidingModeController<double, FractionalFastTerminalSurface, GradientAdaptation>;  // the setup has it
 
 // Built like the Python module, with noise in the widest registers.
 FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_paper(const Setup& setup, double* rows, FillNoise noise) {

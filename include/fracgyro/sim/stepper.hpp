@@ -124,8 +124,8 @@ struct IdealGyroscope {
     }
 };
 
-// What a function returns that is not inlined could be changed by others, for all a compiler knows: a loop that has a
-// copy of its own keeps it in registers.
+// Compilers suppose that others may change what a function returns that is not inlined: a loop with a copy of its own
+// keeps it in registers.
 template <class Value>
 Value copied(const Value& returned) {
     return returned;
