@@ -75,6 +75,7 @@ template <class T>
 using HeldBlock = std::unique_ptr<BlockOf<T>, void (*)(BlockOf<T>*)>;
 template <class T>
 struct BlockType {
+    std::size_t place;  // in Kernels::advance
     HeldBlock<T> (*make)();
     // Prepares the controller of one more run, for this lane; the first prepares all lanes.
     void (*prepare)(BlockOf<T>&, const ControllerParams&, const Common&, std::size_t lane);
@@ -103,9 +104,8 @@ public:
           samples_(runs[0]->steps + 1),
           half_(runs[0]->steps / 2),
           steady_from_(first_steady_sample(params, *runs[0])) {
-        with_controller<T>(runs[0]->controller,
-                           [&]<class C>() { advance_ = std::get<KernelOf<C>>(kernels.advance).advance; });
         type_ = &block_type_of<T>(runs[0]->controller);
+        advance_ = kernels.advance[type_->place];
         block_ = type_->make();
         fill_lanes();
     }

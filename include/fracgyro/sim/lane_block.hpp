@@ -48,10 +48,6 @@ template <Controller C, class T = typename C::Value>
 
 template <class T>
 using AdvanceBlock = std::int64_t (*)(BlockOf<T>&, std::int64_t, std::int64_t);
-template <Controller C>
-struct KernelOf {
-    AdvanceBlock<typename C::Value> advance = &advance_block<C>;
-};
 
 namespace detail {
 
@@ -59,7 +55,14 @@ template <class... Lists>
 struct KernelsOf;
 template <class... Controllers>
 struct KernelsOf<List<Controllers...>> {
-    using Type = std::tuple<KernelOf<Controllers>...>;
+    template <class T>
+    static constexpr std::array<AdvanceBlock<T>, sizeof...(Controllers)> advance{&advance_block<Controllers>...};
+    // The place of a controller's function.
+    template <class C>
+    static constexpr std::size_t place = [] {
+        constexpr std::array<bool, sizeof...(Controllers)> same{std::is_same_v<C, Controllers>...};
+        return static_cast<std::size_t>(std::find(same.begin(), same.end(), true) - same.begin());
+    }();
 };
 template <class... Some, class... Others, class... Lists>
 struct KernelsOf<List<Some...>, List<Others...>, Lists...> : KernelsOf<List<Some..., Others...>, Lists...> {};
@@ -75,9 +78,9 @@ struct KernelsFor<T, std::tuple<Entries...>> : KernelsOf<typename Entries::Type:
 // single precision, and the noise. Callers of the functions below need a processor of that kind.
 template <class Number, std::size_t Count>
 struct Kernels {
-    using Advance = detail::KernelsFor<Lanes<Number, Count>, Registry>;
-    typename Advance::Type advance{};
-    using Disturbances = std::span<Vec2<Lanes<Number, Count>>>;
+    using T = Lanes<Number, Count>;
+    std::span<const AdvanceBlock<T>> advance = detail::KernelsFor<T, Registry>::template advance<T>;
+    using Disturbances = std::span<Vec2<T>>;
     void (*fill_lanes)(const LaneNoise<Count>&, std::int64_t, Disturbances) = &fracgyro::fill_lanes<Number, Count>;
     void (*spread)(std::span<const Vec2<double>>, Disturbances) = &fracgyro::spread<Number, Count>;
     FillNoise fill_noise = &fracgyro::fill_noise<Count * sizeof(Number)>;

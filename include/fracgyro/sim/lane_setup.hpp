@@ -8,6 +8,7 @@ namespace fracgyro {
 
 template <Controller C, class T = typename C::Value>
 inline constexpr BlockType<T> block_type{
+    .place = detail::KernelsFor<T, Registry>::template place<C>,
     .make = [] { return HeldBlock<T>(new Block<C>, [](BlockOf<T>* block) { delete static_cast<Block<C>*>(block); }); },
     .prepare =
         [](BlockOf<T>& block, const ControllerParams& params, const Common& common, std::size_t lane) {
