@@ -40,8 +40,9 @@ class Record:
     """A record in arrays: the motion of both pick-offs, or of one, at even times.
 
     `x`, `y`: (samples,), in any unit, the same for both, or None; `interval`: time between samples, s; `force`:
-    (2, samples), the force that acts from each sample to the next, or None for a free decay; `rate`, rad/s, `bias`, V,
-    `temperature`, K: the state of the device, if known; `name`: for messages and comments.
+    (2, samples), or (1, samples) of the x drive only, the force that acts from each sample to the next, or None for a
+    free decay; `rate`, rad/s, `bias`, V, `temperature`, K: the state of the device, if known; `name`: for messages and
+    comments.
 
     >>> time = np.arange(4000) / 50e3
     >>> noise = 1e-3 * np.random.default_rng(0).normal(size=4000)
