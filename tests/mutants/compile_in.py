@@ -23,8 +23,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
-SHARE = 0.16
-FOLDERS = tuple(f"include/fracgyro/{layer}" for layer in ("core", "control", "plant", "sim"))
+SHARE = 0.11
+FOLDERS = tuple(sorted(str(folder.relative_to(ROOT)) for folder in (ROOT / "include/fracgyro").iterdir()))
 # Number types: what they do is what everything else is tested by; mutated they fail to compile. Of fields.hpp, and of
 # fields() everywhere, the compiler computes all.
 WITHOUT_RULES = {"lanes.hpp", "unpacked.hpp", "cpu_dispatch.hpp", "fields.hpp"}

@@ -29,19 +29,11 @@ from compiled import BUILD, module, tests
 
 # Those whose tests run in this process and come by the core.
 PYTHON = [
-    "kernel",
-    "lanes",
-    "metrics",
-    "loop",
-    "device",
-    "composite",
-    "fractional",
-    "settings",
-    "claims",
-    "user_controller",
-    "law_rate",
-    "kinds",
-]
+    "bounded", "claims", "compensation", "composite", "conventional", "device", "disturbance", "dynamic_sliding",
+    "fixed_time", "fractional", "integral_sliding", "internal_model", "joint", "kernel", "kinds", "lanes", "law_rate",
+    "linear_term", "lock_in", "loop", "lqg", "metrics", "modes", "motion_filter", "network", "pickoffs",
+    "plant_and_loop", "prescribed", "rate_means", "resonant", "settings", "temperature", "user_controller", "volts",
+]  # fmt: skip
 LONGEST = 20.0  # s of tests for one mutant, the quickest first
 STUCK = 600.0  # s of waiting for nothing
 MANY = 8192  # equal to the constant in switch.hpp

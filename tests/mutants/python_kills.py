@@ -27,14 +27,15 @@ FOLDER = ROOT / "build/mutants/python"
 SHARE = 0.3
 MODULES = [
     "fracgyro/analysis/confidence.py", "fracgyro/analysis/metrics.py", "fracgyro/rate/allan.py",
-    "fracgyro/rate/bound.py", "fracgyro/rate/merit.py", "fracgyro/rate/units.py", "fracgyro/scenario/to_core.py",
+    "fracgyro/rate/bound.py", "fracgyro/rate/merit.py", "fracgyro/rate/units.py", "fracgyro/scenario/terms.py",
+    "fracgyro/scenario/to_core.py",
     "fracgyro/study/sweep/effects.py", "fracgyro/study/tune/criteria.py", "fracgyro/study/tune/hold_out.py",
     "fracgyro_lab/comparison/rows.py", "fracgyro_lab/paper/claims.py", "fracgyro_lab/paper/step_cost.py",
 ]  # fmt: skip
 # The tests that may kill: of the last files only the tests that run in this process, where a mutant is active.
 TESTS: dict[str, list[str]] = {
     "metrics": [], "claims": [], "allan": [], "effects": [], "hold_out": [], "rate_figures": [], "lanes": [],
-    "device": [], "setup": [], "kinds": [], "bound": [],
+    "device": [], "setup": [], "kinds": [], "bound": [], "disturbance": [],
     "compare": [
         "test_ratios_are_paired_by_seed_and_have_no_value_where_a_run_diverged",
         "test_of_several_searches_the_best_counts_and_the_others_are_judged_too",
