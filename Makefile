@@ -324,9 +324,11 @@ OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# The C++ tests, and those that compile quickly also under the sanitizers; build/tests-deep: all under the sanitizers.
+# The C++ tests, some under the sanitizers (tests/cpp/CMakeLists.txt); build/tests-deep: all under the sanitizers.
 # Warnings are shown; in .ci/run they are errors.
-build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero -DFRACGYRO_TESTS_QUICK=ON
+build/tests-optimized/built: OPTIONS := -DFRACGYRO_TESTS_ONLY=optimized
+build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero \
+  -DFRACGYRO_TESTS_ONLY=sanitized
 build/tests-deep/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch

@@ -26,8 +26,10 @@ namespace {
 using Paper = SlidingModeController<double, FractionalFastTerminalSurface, GradientAdaptation>;  // the setup has it
 
 // Built like the Python module, with noise in the widest registers.
-FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_paper(const Setup& setup, double* rows, FillNoise noise) {
-    return record<Paper>(setup, 1, rows, noise);
+FRACGYRO_FOR_EACH_PROCESSOR void paper_part(Stepper<Paper>::Pending& state,
+                                            const Stepper<Paper>::Coefficients& __restrict c, std::int64_t end,
+                                            const Vec2<double>* coming, NextRow& next) {
+    record_part<Paper>(state, c, end, coming, next);
 }
 FillNoise fill_noise_here() {
 #ifdef FRACGYRO_LANES_X86
@@ -40,7 +42,9 @@ FillNoise fill_noise_here() {
 #endif
     return kernels_for_any_processor().doubles.fill_noise;
 }
-std::int64_t record_run(const Setup& setup, double* rows) { return record_paper(setup, rows, fill_noise_here()); }
+std::int64_t record_run(const Setup& setup, double* rows) {
+    return record<Paper>(setup, 1, rows, fill_noise_here(), &paper_part);
+}
 
 // Exponentials of α = 0.9 from standard input, as the Python package designed them: count, then pole and weight of
 // each.

@@ -10,9 +10,10 @@ namespace {
 
 // A function for each controller: in one for all, compilers optimize none of them well.
 template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const PlantSetup& setup, std::int64_t every, double* rows,
-                                                    FillNoise noise) {
-    return record<C>(setup, every, rows, noise);
+FRACGYRO_FOR_EACH_PROCESSOR void part_of(typename Stepper<C>::Pending& state,
+                                         const typename Stepper<C>::Coefficients& __restrict c, std::int64_t end,
+                                         const Vec2<double>* coming, NextRow& next) {
+    record_part<C>(state, c, end, coming, next);
 }
 
 std::int64_t record_erased(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
@@ -28,7 +29,7 @@ std::int64_t record_run(const PlantSetup& setup, std::int64_t every, double* row
         if (setup.model != nullptr) {
             samples = record_erased(setup, every, rows, noise);
         } else if constexpr (has_copies<C>) {
-            samples = record_one<C>(setup, every, rows, noise);
+            samples = record<C>(setup, every, rows, noise, &part_of<C>);
         } else {
             samples = record<C>(setup, every, rows, noise);
         }

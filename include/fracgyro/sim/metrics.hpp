@@ -267,18 +267,33 @@ Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
             .diverged_at = samples > setup.steps ? nan : count(samples) * h};
 }
 
-// The metrics of one run by itself, with the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of
-// its report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
-template <Controller C, class Params, class InStep, class BetweenSteps>
-Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise, InStep&& in_step,
+// Runs the samples before `end` with their disturbances from `coming` on, and sums what metrics use. The loop keeps in
+// registers what no call can change: so it calls nothing and has a state of its own.
+template <Controller C>
+void measure_part(typename Stepper<C>::Pending& state, const typename Stepper<C>::Coefficients& __restrict c,
+                  std::int64_t end, const Vec2<double>* coming, MetricsSums<typename C::Value>& sums) {
+    auto own = copied(state);
+    auto own_sums = copied(sums);
+    const std::int64_t first = own.step;
+    Stepper<C>::run(
+        own, c, end, [&](std::int64_t n) { return coming[n - first]; },
+        [&](const auto& at) { own_sums.add(at.signals, at.signals.report); });
+    state = own;
+    sums = own_sums;
+}
+
+// The metrics of one run by itself, with the bits that it has in a lane (batch.hpp). `part`: as measure_part;
+// `between_steps(state, coefficients)`: the common report before the coming step.
+template <Controller C, class Params, class Part, class BetweenSteps>
+Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise, Part&& part,
                          BetweenSteps&& between_steps) {
     using T = typename C::Value;
     using Loop = Stepper<C>;
     const auto number = [](const T& a) { return static_cast<double>(a); };
     const std::int64_t samples = setup.steps + 1, half = setup.steps / 2;
     const std::int64_t steady_from = first_steady_sample(params, setup);
-    const auto coefficients = copied(Loop::prepare(setup));
-    auto state = copied(Loop::begin(setup));
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
     const Disturbance disturbance(setup.disturbance, setup.common.step, noise);
     std::array<Vec2<double>, longest_segment> coming{};
     MetricsSums<T> sums{.error_bound_squared = T(params.error_bound * params.error_bound),
@@ -298,9 +313,7 @@ Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& para
             last = reported();
         }
         disturbance.fill(first, std::span(coming).first(static_cast<std::size_t>(end - first)));
-        Loop::run(
-            state, coefficients, end, [&](std::int64_t n) { return coming[static_cast<std::size_t>(n - first)]; },
-            [&](const auto& at) { sums.add(at.signals, in_step(at)); });
+        part(state, coefficients, end, coming.data(), sums);
         totals.add(segment_of<T>(sums.segment, number), first, steady_from);
         sums.segment = {};
     }
@@ -309,14 +322,14 @@ Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& para
     }
     return metric_values(params, setup, totals, last, (state.step <= half ? last : halfway).bound[0], state.step);
 }
+// The same of a typed controller. `part`: measure_part, or a copy of it for this processor.
 template <Controller C, class Params>
-Metrics measure_alone(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise) {
+Metrics measure_alone(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise,
+                      decltype(&measure_part<C>) part = &measure_part<C>) {
     const auto number = [](const typename C::Value& a) { return static_cast<double>(a); };
-    return measure_segments<C>(
-        setup, params, noise, [](const auto& at) -> const auto& { return at.signals.report; },
-        [&](const auto& state, const auto& coefficients) {
-            return CommonReport::of(C::report(state, coefficients), number);
-        });
+    return measure_segments<C>(setup, params, noise, part, [&](const auto& state, const auto& coefficients) {
+        return CommonReport::of(C::report(state, coefficients), number);
+    });
 }
 
 }  // namespace fracgyro

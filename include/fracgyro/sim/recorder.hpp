@@ -63,20 +63,52 @@ std::size_t row_width_of(const Params& controller) {
     return width;
 }
 
-// Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. Returns the number of samples
-// before divergence.
+// Where the next row is written, and when.
+struct NextRow {
+    double* row = nullptr;
+    std::int64_t every = 1, left = 0;  // samples; none left: the coming one
+};
+
+// Runs the samples before `end` with their disturbances from `coming` on. Its loop keeps in registers what no call and
+// no row can change: so it calls nothing and has a state of its own.
 template <Controller C>
-std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNoise noise = &fill_noise<word_bytes>) {
-    Disturbance disturbance(setup.disturbance, setup.common.step, noise);
-    std::int64_t until_next = 0;
-    return run_loop<C>(setup, disturbance, [&](const Snapshot<typename C::Value, typename C::Report>& at) {
-        if (until_next == 0) {
-            write_row(at, rows);
-            rows += row_width<typename C::Report>;
-            until_next = every;
-        }
-        --until_next;
-    });
+void record_part(typename Stepper<C>::Pending& state, const typename Stepper<C>::Coefficients& __restrict c,
+                 std::int64_t end, const Vec2<double>* coming, NextRow& next) {
+    auto own = copied(state);
+    NextRow at_row = next;
+    const std::int64_t first = own.step;
+    Stepper<C>::run(
+        own, c, end, [&](std::int64_t n) { return coming[n - first]; },
+        [&](const auto& at) {
+            if (at_row.left == 0) {
+                write_row(at, at_row.row);
+                at_row.row += row_width<typename C::Report>;
+                at_row.left = at_row.every;
+            }
+            --at_row.left;
+        });
+    state = own;
+    next = at_row;
+}
+
+// Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. `part`: record_part, or a copy of
+// it for this processor. Returns the number of samples before divergence.
+template <Controller C>
+std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNoise noise = &fill_noise<word_bytes>,
+                    decltype(&record_part<C>) part = &record_part<C>) {
+    using Loop = Stepper<C>;
+    const Disturbance disturbance(setup.disturbance, setup.common.step, noise);
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
+    std::array<Vec2<double>, 512> coming;
+    NextRow next{.row = rows, .every = every};
+    while (state.step <= setup.steps && bounded(state.motion)) {
+        const std::int64_t first = state.step;
+        const std::int64_t end = std::min(first + static_cast<std::int64_t>(coming.size()), setup.steps + 1);
+        disturbance.fill(first, std::span(coming).first(static_cast<std::size_t>(end - first)));
+        part(state, coefficients, end, coming.data(), next);
+    }
+    return state.step;
 }
 // Uses the controller of the setup.
 template <Scalar T>
