@@ -63,7 +63,7 @@ std::size_t row_width_of(const Params& controller) {
     return width;
 }
 
-// Where the next row is written, and when.
+// Place and sample of the next row.
 struct NextRow {
     double* row = nullptr;
     std::int64_t every = 1, left = 0;  // samples; none left: the coming one
