@@ -16,11 +16,12 @@ from click.testing import CliRunner
 from fracgyro.cli import cli
 from fracgyro.rate import accelerations, procedures, thermal
 from fracgyro.rate.datasheet import TITLES
-from fracgyro.rate.in_volts import angle_drift, angle_figures, slopes, volts_figures
+from fracgyro.rate.in_volts import angle_drift, angle_figures, ripple_figures, slopes, volts_figures
 from fracgyro.rate.plots import angle_chart
 from fracgyro.rate.procedures import MISSING, Sheet
 from fracgyro.rate.runs import RATES
 from fracgyro.rate.sensor import Sensor
+from fracgyro.scenario.terms import white_density
 from fracgyro.scenario.volts_core import plant_at_bias
 from test_volts import BOLTZMANN, CHARGE, DUAL, EPSILON, REBALANCE, both, combs
 
@@ -100,6 +101,58 @@ def test_the_bound_of_each_noise_is_below_that_of_all() -> None:
     assert found["bound_thermal"] == pytest.approx(math.degrees(single.known) * 60)
 
 
+def test_jitter_counts_as_noise_of_the_position_that_grows_with_the_speed() -> None:
+    """1 ns at A omega: sigma A omega/sqrt(2) a sample, 1.8e-13 m/sqrt(Hz)."""
+    moving = {"reference.kind": "sine", "disturbance": {"kind": "noise", "density": 8.66e-16}}
+    made = STILL.replace({**moving, "electronics.jitter": 1e-9})
+    found = {each.key: each.value for each in volts_figures(Sensor.of(made, 2))}
+    scales, step = PLANT.scales, made.run.step
+    speeds = [a * f * scales.velocity for a, f in zip(made.reference.amplitude, made.reference.frequency, strict=True)]
+    density = 1e-9 * speeds[0] / math.sqrt(2) * math.sqrt(2 * step * scales.time)
+    assert density == pytest.approx(1.8e-13, rel=0.02)
+    # Both axes move, at nearly the same speed.
+    walks = []
+    for speed in speeds:
+        noise = {"device.position_noise": 1e-9 * abs(speed) / math.sqrt(2), "disturbance": {"kind": "none"}}
+        alone = fg.rate.bound_angle_random_walk(STILL.replace({**moving, **noise}))
+        assert alone is not None
+        walks.append(math.degrees(alone.known) * 60)
+    assert min(walks) < found["bound_jitter"] < max(walks)
+    whole = fg.rate.bound_angle_random_walk(made)
+    assert whole is not None
+    assert found["bound_jitter"] ** 2 + found["bound_thermal"] ** 2 > (math.degrees(whole.known) * 60) ** 2
+
+
+def test_the_steps_of_the_drivers_count_as_white_noise() -> None:
+    thermal = {"disturbance": {"kind": "noise", "density": 8.66e-16}, "reference.kind": "sine"}
+    pushed = both(combs, "force", gap=1e-3, count=100_000, bits=12, range=10.0)
+    made = STILL.replace({**thermal, "electrodes": [*pushed, *both(combs, "pickoff")]})
+    found = {each.key: each for each in volts_figures(Sensor.of(made, 2))}
+    step = 20.0 / 2**12 * 5.0 * SLOPE / PLANT.scales.force
+    share = step**2 / 12 * made.run.step / (white_density(made) or math.nan)
+    walk, of_heat = found["bound_drive_steps"], found["bound_thermal"]
+    assert walk.value == pytest.approx(of_heat.value * math.sqrt(share), rel=1e-9)
+    assert walk.note.startswith(f"{100 * share:.3g} % of the power of all other noise")
+
+
+def test_a_spring_common_to_both_axes_ripples_at_the_split_and_others_do_not() -> None:
+    """An isotropic quartic of 1 Hz at the amplitude: 127 deg/s after a filter of 100 Hz."""
+    made = fg.Scenario.shipped("dual_mass")
+    plant = made.plant
+    kappa = 8 * plant.stiffness.xx / (3 * OMEGA / math.tau * plant.reference_length**2)
+    own = {"device.cubic_stiffness": (kappa, kappa)}
+    (common,) = ripple_figures(Sensor.of(made.replace({**own, "device.cubic_coupling": kappa}), 1))
+    assert common.value == pytest.approx(127.0, rel=0.03)
+    assert "at 53 Hz" in common.definition
+    (apart,) = ripple_figures(Sensor.of(made.replace({**own, "device.cubic_skew": (1e-9 * kappa, 0.0)}), 1))
+    assert apart.note.startswith("not above noise")
+    assert ripple_figures(Sensor.of(made.replace(own), 1)) == []
+    short = made.replace({**own, "device.cubic_coupling": kappa, "run.duration": 5000.0})
+    (few,) = ripple_figures(Sensor.of(short, 1))
+    assert math.isnan(few.value)
+    assert few.note == "not available: the record has fewer than 20 periods of it"
+
+
 def test_a_device_without_volts_has_none_of_these() -> None:
     assert volts_figures(sensor({})) == angle_figures(angle_drift(sensor({}))) == []
 
@@ -108,7 +161,12 @@ def test_whole_angle_states_its_drift_against_the_angle_and_its_gain() -> None:
     """p = half the difference of the rates of decay, 162 deg/h at .3 rad; the quadrature loop takes 200 ppm."""
     made = fg.Scenario.load(ROOT / "examples/scenarios/disc_whole_angle.toml")
     found = angle_drift(Sensor.of(made, 1))
-    drift, gain = angle_figures(found)
+    drift, lock_in, resolution, gain = angle_figures(found)
+    assert lock_in.value == drift.value
+    # 2.7e-5 to 2.8e-5 rad by the demodulation's lag and ripple; noise ten times that of the example adds to it.
+    assert resolution.value == pytest.approx(math.degrees(2.75e-5) * 3600, rel=0.3)
+    noisy = angle_figures(angle_drift(Sensor.of(made.replace({"device.position_noise_density": 1e-12}), 1)))
+    assert {each.key: each.value for each in noisy}["angle_resolution"] > 1.2 * resolution.value
     assert drift.value == pytest.approx(162.0, rel=0.1)
     axis = re.match(r"ϑτ = (\S+) deg", drift.note)
     assert axis is not None

@@ -62,8 +62,14 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     """
     if controller is not None:
         return bound_of_motion(scenario, controller)
-    noise, lines = noise_of(scenario), _lines(scenario)
-    if noise is None or lines is None:
+    noise = noise_of(scenario)
+    return None if noise is None else bound_of_noise(scenario, noise)
+
+
+def bound_of_noise(scenario: Scenario, noise: Noise) -> Bound | None:
+    """The bounds of the scenario's reference with this noise instead; None as `bound_angle_random_walk`."""
+    lines = lines_of(scenario)
+    if lines is None:
         return None
     plant = Plant.of(scenario)
     exact = noise.force == 0 and not noise.of_sensing
@@ -76,7 +82,7 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     return _bound(information, scenario, 0.0 if exact else 1.0)
 
 
-def _lines(scenario: Scenario) -> list[tuple[float, NDArray[Any]]] | None:
+def lines_of(scenario: Scenario) -> list[tuple[float, NDArray[Any]]] | None:
     """Frequencies and phasors of the reference; None if it is not only sines about 0."""
     reference = scenario.reference
     if is_plain(scenario):

@@ -19,7 +19,7 @@ from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from .imu import FILES, Imu, imu_file, of_simulation
-from .in_volts import angle_drift, angle_figures, volts_figures
+from .in_volts import angle_drift, angle_figures, ripple_figures, volts_figures
 from .measure import Characterization, measure
 from .report import write_report
 from .results import Result, results
@@ -42,8 +42,9 @@ def characterise(
     Returns the figures of merit in the order of the report. rate.json has the scenario, the figures, and the response
     to sinusoidal rates: frequency in Hz, gain relative to the scale factor, lag in rad.
 
-    A device in volts has figures of its own: voltages, noise of the readout and its shares, bias by feedthrough and by
-    phase. A whole-angle gyroscope has its drift against the angle, and its gain.
+    A device in volts has figures of its own: voltages, noise of the readout, the share of each noise, bias by
+    feedthrough and by phase; like one with springs common to both axes, it has the ripple at the difference of the
+    resonances. A whole-angle gyroscope has its drift against the angle, lock-in, resolution of the angle, and gain.
 
     The measurement sets the angular rate instead of plant.angular_rate; everything else is as in the scenario.
 
@@ -73,7 +74,7 @@ def characterise(
         runs = run_all(sensor, rest=rest, progress=progress)
         measured = measure(sensor, runs, rest=rest)
         drift = angle_drift(sensor)
-        figures = [*results(measured), *volts_figures(sensor), *angle_figures(drift)]
+        figures = [*results(measured), *volts_figures(sensor), *ripple_figures(sensor), *angle_figures(drift)]
         _write_json(folder / "rate.json", measured, figures)
         if imu is not None:
             name, words = imu_file(imu, [of_simulation(measured)])

@@ -15,7 +15,7 @@ from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from . import plots
 from .accelerations import accelerations
-from .in_volts import AngleDrift, angle_drift, angle_figures, volts_figures
+from .in_volts import AngleDrift, angle_drift, angle_figures, ripple_figures, volts_figures
 from .measure import Characterization, measure
 from .procedures import (
     CYCLES,
@@ -133,6 +133,11 @@ def _of_results(found: list[Result], sensor: Sensor, drift: AngleDrift | None) -
     if not any(each.key.startswith("readout") for each in volts):
         note = f"{MISSING}: [electronics] without noise, or no [[electrodes]] of role pickoff"
         rows.append(Row(DRIFT, "readout", "Readout noise", "none: from the electrodes", "m/sqrt(Hz)", note=note))
+    ripple = ripple_figures(sensor)
+    rows += [_row(DRIFT, "none: at rest", each) for each in ripple]
+    if not ripple:
+        note = f"{MISSING}: no electrodes or electronics, and device.cubic_coupling and cubic_skew are 0"
+        rows.append(Row(DRIFT, "ripple", "Ripple at the split", "none: at rest", "deg/s", note=note))
     angle = angle_figures(drift)
     rows += [_row(DRIFT, "the angle of the line, by a rate of 300 deg/s", each) for each in angle]
     if not angle:

@@ -1,4 +1,8 @@
-"""Figures that `fracgyro rate` adds for a device in volts: voltages, readout, shares of noise, bias by parts."""
+"""Figures that `fracgyro rate` adds for what a scenario has.
+
+With electrodes or electronics: voltages, readout, shares of noise, bias by parts; with them or a spring common to both
+axes the ripple at the split; of a whole-angle gyroscope drift, lock-in and resolution of the angle.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,14 @@ from numpy.typing import NDArray
 
 from ..analysis.confidence import mean_interval
 from ..scenario import Scenario
-from ..scenario.volts_core import at_bias, drive, has_volts
-from .bound import bound_angle_random_walk
+from ..scenario.device_core import device_values
+from ..scenario.volts_core import at_bias, drive, has_volts, plant_at_bias
+from .bound import bound_of_noise, lines_of, noise_of
+from .innovation import Noise
 from .results import Result
 from .runs import RANGE
 from .sensor import Sensor
-from .units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S
+from .units import ARCSECOND, DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S
 
 Array = NDArray[np.float64]
 
@@ -28,6 +34,8 @@ NOISES: dict[str, tuple[str, float]] = {
     "current_noise": ("the amplifiers' current noise", 0.0),
 }
 AXES = ("x", "y")
+MIN_BEATS = 20  # periods of the ripple in a record
+MAX_PHASE = 0.5  # rad between its samples
 
 
 def volts_figures(sensor: Sensor) -> list[Result]:
@@ -103,18 +111,34 @@ def only_noise(scenario: Scenario, name: str) -> Scenario:
 def _noise(scenario: Scenario) -> list[Result]:
     """The bound of the angle random walk with one noise at a time, D and K known."""
     still = scenario.replace({"plant.angular_rate": 0.0})
-    silent = {f"electronics.{each}": value for each, (_, value) in NOISES.items()}
-    cases = {"thermal": ("the thermal force", still.replace(dict(silent)))}
-    quiet = still.replace({"disturbance": {"kind": "none"}})
-    cases |= {name: (words, only_noise(quiet, name)) for name, (words, _) in NOISES.items()}
-    whole, found = bound_angle_random_walk(still), []
-    if whole is None:
+    noise = noise_of(still)
+    if noise is None:
         return []
+    jitter = _of_jitter(still)
+    all_of_them = bound_of_noise(still, replace(noise, position=noise.position + jitter))
+    if all_of_them is None:
+        return []
+    quiet = replace(noise, force=0.0, position=np.zeros(2))
+    cases: dict[str, tuple[str, Noise]] = {"thermal": ("the thermal force", replace(quiet, force=noise.force))}
+    for name, (words, _) in NOISES.items():
+        amplifiers = np.array(device_values(only_noise(still, name))["amplifier_noise"])
+        cases[name] = words, replace(quiet, position=amplifiers**2 * still.run.step)
+    cases["jitter"] = "the jitter of the samples", replace(quiet, position=jitter)
+    steps = np.array(device_values(still)["drive_step"])
+    # Rounding as white noise; of both axes the mean power, as the bound has one density of the force.
+    rounding = float((steps**2).mean()) / 12 * still.run.step
+    cases["drive_steps"] = "the steps of the drivers", replace(quiet, force=rounding)
+    found = []
     for key, (words, each) in cases.items():
-        bound = bound_angle_random_walk(each)
+        if not (each.force or each.of_sensing):
+            continue
+        bound = bound_of_noise(still, each)
         if bound is None:
             continue
-        share = 100 * (bound.known / whole.known) ** 2
+        share = f"{100 * (bound.known / all_of_them.known) ** 2:.3g} %"
+        note = f"{share} of the power of all noise"
+        if key == "drive_steps":
+            note = f"{share} of the power of all other noise; none if the controller is told the rounded force"
         found.append(
             Result(
                 f"bound_{key}",
@@ -122,10 +146,18 @@ def _noise(scenario: Scenario) -> list[Result]:
                 "Cramér-Rao bound with this noise only, damping and stiffness known; the powers need not add up",
                 DEG_PER_ROOT_H.name,
                 DEG_PER_ROOT_H.of(bound.known),
-                note=f"{share:.3g} % of the power of all noise",
+                note=note,
             )
         )
     return found
+
+
+def _of_jitter(scenario: Scenario) -> Array:
+    """Density of the position error of samples taken too early or too late: jitter times velocity, x and y."""
+    lines = lines_of(scenario) or []
+    squares = sum((abs(frequency * position) ** 2 / 2 for frequency, position in lines), np.zeros(2))
+    jitter = scenario.electronics.jitter / scenario.plant.scales.time
+    return np.asarray(jitter**2 * squares * scenario.run.step)
 
 
 def _biases(sensor: Sensor) -> list[Result]:
@@ -159,6 +191,40 @@ def _biases(sensor: Sensor) -> list[Result]:
     return found
 
 
+def ripple_figures(sensor: Sensor) -> list[Result]:
+    """Ripple of the output at the difference of the resonances; none without electrodes, electronics or common springs.
+
+    Runs one seed at rest.
+    """
+    scenario = sensor.scenario
+    device = scenario.device
+    if not (has_volts(scenario) or device.cubic_coupling or any(device.cubic_skew)) or sensor.controller is not None:
+        return []
+    plant = plant_at_bias(scenario)
+    stiffness = plant.effective_stiffness()
+    split = abs(math.sqrt(stiffness.yy / plant.mass) - math.sqrt(stiffness.xx / plant.mass))  # rad/s
+    output, interval = sensor.at_every_record(0.0)
+    length = interval * len(output)
+    beats = split * length / math.tau
+    definition = f"amplitude at rest at {split / math.tau:.4g} Hz, the difference of the resonances"
+    made = Result("ripple", "Ripple at the split", definition, DEG_PER_S.name, math.nan)
+    if beats < MIN_BEATS or split * interval > MAX_PHASE:
+        reason = "the record has fewer than 20 periods of it" if beats < MIN_BEATS else "it is sampled too seldom"
+        return [replace(made, note=f"not available: {reason}")]
+    beside = [_amplitude(output, interval * (split + math.tau * k / length)) for k in (-6, -5, -4, 4, 5, 6)]
+    value, floor = _amplitude(output, interval * split), math.sqrt(sum(each * each for each in beside) / len(beside))
+    below = f"not above noise: {DEG_PER_S.of(floor):.3g} deg/s at frequencies beside it" if value < 3 * floor else ""
+    return [replace(made, value=DEG_PER_S.of(value), note=below)]
+
+
+def _amplitude(output: Array, phase: float) -> float:
+    """Of the sine that advances by this phase a sample, by least squares with a line."""
+    n = np.arange(len(output))
+    columns = np.stack([np.ones(len(n)), n / len(n), np.cos(phase * n), np.sin(phase * n)], axis=1)
+    fit = np.linalg.lstsq(columns, output, rcond=None)[0]
+    return float(np.hypot(fit[2], fit[3]))
+
+
 @dataclass(frozen=True)
 class AngleDrift:
     """Rate of a whole-angle gyroscope at 300 deg/s over the angle of its line, and its fit.
@@ -171,6 +237,7 @@ class AngleDrift:
     mean: float
     cosine: float
     sine: float
+    noise: float  #: RMS, rad, of the angle about its mean rate and this drift
 
     def fitted(self, angle: Array) -> Array:
         """The fit at these angles."""
@@ -183,24 +250,43 @@ def angle_drift(sensor: Sensor) -> AngleDrift | None:
         return None
     angle, rate = sensor.angle_and_rate(RANGE)
     columns = np.stack([np.ones_like(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)
-    return AngleDrift(angle, rate, *map(float, np.linalg.lstsq(columns, rate, rcond=None)[0]))
+    turning = np.column_stack([columns, np.arange(len(angle))])
+    left = angle - turning @ np.linalg.lstsq(turning, angle, rcond=None)[0]
+    mean, cosine, sine = map(float, np.linalg.lstsq(columns, rate, rcond=None)[0])
+    return AngleDrift(angle, rate, mean, cosine, sine, noise=float(np.sqrt((left**2).mean())))
 
 
 def angle_figures(found: AngleDrift | None) -> list[Result]:
-    """Drift against the angle, and the gain of the rate; none without such a drift."""
+    """Drift against the angle, lock-in, resolution of the angle and gain of the rate; none without such a drift."""
     if found is None:
         return []
     turned = abs(float(found.angle[-1] - found.angle[0])) / math.pi
     few = "" if turned >= 1.0 else f"the line turned by {turned:.2g} half turns only: parts of it are not separated"
     phase = 0.5 * math.atan2(found.cosine, -found.sine)
+    drift = DEG_PER_H.of(math.hypot(found.cosine, found.sine))
     return [
         Result(
             "angle_drift",
             "Drift against the angle",
             "amplitude p of −p sin 2(ϑ − ϑτ) in the rate at 300 deg/s, ϑ the angle of the line of vibration",
             DEG_PER_H.name,
-            DEG_PER_H.of(math.hypot(found.cosine, found.sine)),
+            drift,
             note="; ".join(filter(None, (f"ϑτ = {math.degrees(phase):.4g} deg", few))),
+        ),
+        Result(
+            "lock_in",
+            "Lock-in",
+            "magnitude of the whole rate, with controller.virtual_rate, below which the line comes to rest: p",
+            DEG_PER_H.name,
+            drift,
+            note=few,
+        ),
+        Result(
+            "angle_resolution",
+            "Resolution of the angle",
+            "RMS of the angle of the line at 300 deg/s about its mean rate and its drift, sample by sample",
+            ARCSECOND.name,
+            ARCSECOND.of(found.noise),
         ),
         Result(
             "rate_gain",

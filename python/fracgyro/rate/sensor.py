@@ -144,6 +144,12 @@ class Sensor:
         angle = np.unwrap(steady["pattern_angle"].values, period=math.pi)
         return angle, np.asarray(steady["rate_estimate"].values * self.scenario.plant.scales.rate)
 
+    def at_every_record(self, rate: float) -> tuple[Array, float]:
+        """Output, rad/s, at every recorded sample of the steady half of a run, not averaged, and their interval, s."""
+        steady, scales = self._recorded(rate), self.scenario.plant.scales
+        interval = float(steady["time"][1] - steady["time"][0]) * scales.time
+        return np.asarray(steady["rate_estimate"].values * scales.rate), interval
+
     def _recorded(self, rate: float, steps: int | None = None) -> xr.Dataset:
         """The steady half of a run of the first seed."""
         steps = steps or self.scenario.run.steps
