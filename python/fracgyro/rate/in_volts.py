@@ -138,7 +138,7 @@ def _noise(scenario: Scenario) -> list[Result]:
         share = f"{100 * (bound.known / all_of_them.known) ** 2:.3g} %"
         note = f"{share} of the power of all noise"
         if key == "drive_steps":
-            note = f"{share} of the power of all other noise; none if the controller is told the rounded force"
+            note = f"{share} of the power of all other noise; none if the controller knows the rounded force"
         found.append(
             Result(
                 f"bound_{key}",
@@ -211,14 +211,14 @@ def ripple_figures(sensor: Sensor) -> list[Result]:
     if beats < MIN_BEATS or split * interval > MAX_PHASE:
         reason = "the record has fewer than 20 periods of it" if beats < MIN_BEATS else "it is sampled too seldom"
         return [replace(made, note=f"not available: {reason}")]
-    beside = [_amplitude(output, interval * (split + math.tau * k / length)) for k in (-6, -5, -4, 4, 5, 6)]
-    value, floor = _amplitude(output, interval * split), math.sqrt(sum(each * each for each in beside) / len(beside))
-    below = f"not above noise: {DEG_PER_S.of(floor):.3g} deg/s at frequencies beside it" if value < 3 * floor else ""
+    nearby = [_amplitude(output, interval * (split + math.tau * k / length)) for k in (-6, -5, -4, 4, 5, 6)]
+    value, floor = _amplitude(output, interval * split), math.sqrt(sum(each * each for each in nearby) / len(nearby))
+    below = f"not above noise: {DEG_PER_S.of(floor):.3g} deg/s at frequencies next to it" if value < 3 * floor else ""
     return [replace(made, value=DEG_PER_S.of(value), note=below)]
 
 
 def _amplitude(output: Array, phase: float) -> float:
-    """Of the sine that advances by this phase a sample, by least squares with a line."""
+    """Amplitude of the sine that advances by this phase a sample, by least squares with a line."""
     n = np.arange(len(output))
     columns = np.stack([np.ones(len(n)), n / len(n), np.cos(phase * n), np.sin(phase * n)], axis=1)
     fit = np.linalg.lstsq(columns, output, rcond=None)[0]
