@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 from typing import Any
 
@@ -354,6 +355,45 @@ def test_a_controller_is_exported_for_the_stiffness_at_bias() -> None:
     mechanical = DUAL.replace({"plant.stiffness": dict(plant_at_bias(made).stiffness)})
     assert core_numbers(without_plant(made)) == core_numbers(without_plant(mechanical))
     assert core_numbers(without_plant(made)) != core_numbers(without_plant(DUAL))
+
+
+@pytest.mark.parametrize("of_run", ["nondimensional", "SI"])
+def test_a_plant_in_volts_is_the_plant_between_its_drivers_and_amplifiers(of_run: str) -> None:
+    made = fg.Scenario.shipped("dual_mass_volts").replace({"run.units": of_run})
+    at, scales, feedback = at_bias(made), made.plant.scales, made.electronics.feedback_capacitance
+    force, length = (1.0, 1.0) if of_run == "SI" else (scales.force, scales.length)
+    plant, in_forces = fg.Plant(made, units="V"), fg.Plant(made)
+    for step in range(40):
+        drive = (0.3 * step - 4.0, 12.0 if step == 20 else -0.2)  # beyond the range of 10 V once
+        found = plant.step(drive)
+        wanted = in_forces.step((drive[0] * at.gain[0] / force, drive[1] * at.gain[2] / force))
+        outputs = [q * length * c / feedback for q, c in zip(wanted.position, at.charge[[0, 2]], strict=True)]
+        assert found.position == pytest.approx(outputs, rel=1e-12)
+        assert found.time == pytest.approx((step + 1) * made.run.step * scales.time, rel=1e-12)
+    assert np.abs(plant.motion.position).max() > 1.0  # V: 5 um times 1.44 pC/um over 2 pF
+    resumed = pickle.loads(pickle.dumps(plant))
+    assert resumed.step((1.0, 1.0)).position == plant.step((1.0, 1.0)).position
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"electronics.feedback_capacitance": 0.0}, "electronics.feedback_capacitance is 0.0: in units"),
+        (
+            {"electrodes": both(combs, "pickoff"), "electronics.feedthrough": (0.0,) * 4},
+            "electrodes of role force are missing: in units",
+        ),
+        ({"electronics": {}}, 'electronics.amplifier is "ideal": in units "V" it must be charge'),
+    ],
+    ids=["capacitance", "drivers", "amplifier"],
+)
+def test_a_plant_in_volts_needs_drivers_and_amplifiers(changes: dict[str, Any], said: str) -> None:
+    made = fg.Scenario.shipped("dual_mass_volts").replace(changes)
+    with pytest.raises(ScenarioError) as refused:
+        fg.Plant(made, units="V")
+    assert said in str(refused.value)
+    with pytest.raises(ValueError, match=re.escape("units is 'mV': it must be \"V\" or None")):
+        fg.Plant(made, units="mV")
 
 
 def test_a_loop_in_another_target_refuses_volts(tmp_path: Any) -> None:

@@ -8,12 +8,14 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from importlib.metadata import version
 from threading import Lock
 from typing import Any, cast
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from .. import _core
 from ..arguments import pair, short
@@ -21,10 +23,13 @@ from ..scenario import Scenario, ScenarioError, check_scenario
 from ..scenario.device_core import is_ideal
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, plant_numbers, reported_channels
 from ..scenario.messages import paths
+from ..scenario.table import format_value
 from ..scenario.to_core import core_numbers, core_setup
+from ..scenario.volts_core import at_bias
 from .dataset import dataset, time_scale
 from .simulate import MAX_RECORD, DivergedError
-from .user_controller import ControllerLike, UserController, units
+from .user_controller import ControllerLike, UserController
+from .user_controller import units as scales_of
 from .user_plant import PlantLike, UserPlant, put_into, running
 
 CHECKSUM = struct.Struct("<I")
@@ -36,21 +41,29 @@ class Plant:
     A step is exact for a zero-order-hold force. Times, forces, positions and velocities are in the units of
     `scenario.run.units`. Under the same forces the motion, noise included, equals that of `simulate` bit for bit. A
     plant can be copied and pickled; the copy continues independently from the same state. `plant`: replaces the
-    gyroscope, as in `simulate`; its step is a Runge-Kutta step. Raises TypeError if `scenario` is not a Scenario, and
-    the errors that `simulate` raises for a plant.
+    gyroscope, as in `simulate`; its step is a Runge-Kutta step.
+
+    `units`: "V" takes the voltages of the drivers of [[electrodes]] for forces and gives the outputs of the charge
+    amplifiers, V, for positions; times are in s. The gains are those that the device is designed to have.
+
+    Raises TypeError if `scenario` is not a Scenario, ValueError for other `units`, ScenarioError for a scenario without
+    drivers or charge amplifiers in `units` "V", and the errors that `simulate` raises for a plant.
 
     >>> plant = fg.Plant(fg.Scenario.paper())
     >>> plant.step((0.0, 0.0)).time
     0.001
     """
 
-    def __init__(self, scenario: Scenario, plant: PlantLike | None = None) -> None:
+    def __init__(self, scenario: Scenario, plant: PlantLike | None = None, *, units: str | None = None) -> None:
         check_scenario(scenario)
+        if units not in (None, "V"):
+            raise ValueError(f'units is {short(units)}: it must be "V" or None, which are the units of run.units')
         self.scenario = scenario
+        self._volts = _InVolts.of(scenario) if units else None
         self._own = None if plant is None else UserPlant(plant)
         setup = core_setup(scenario)
         put_into(self._own, [setup], [scenario])
-        self._core = _core.Gyroscope(setup, units(scenario))
+        self._core = _core.Gyroscope(setup, scales_of(scenario))
 
     @property
     def motion(self) -> _core.Motion:
@@ -59,10 +72,10 @@ class Plant:
         >>> fg.Plant(fg.Scenario.paper()).motion.position
         (0.5, 0.5)
         """
-        return self._core.motion
+        return self._in_units(self._core.motion)
 
     def step(self, force: Sequence[float]) -> _core.Motion:
-        """Apply the commanded force [x, y] for `run.step`; returns the motion measured then.
+        """Apply the commanded force, or voltages, [x, y] for `run.step`; returns the motion measured then.
 
         The plant includes device.delay and the actuator. Raises TypeError for a force that is not numbers, ValueError
         for anything but two finite numbers and after the motion has diverged.
@@ -77,18 +90,55 @@ class Plant:
             return self._stepped(force)
 
     def _stepped(self, force: Sequence[float]) -> _core.Motion:
+        if self._volts is not None:
+            force = self._volts.forces(pair("voltage", force))
         # None: an argument is not a plain finite number; it may be one of NumPy's.
         motion: _core.Motion | None = self._core.step(force)
-        return motion or cast(_core.Motion, self._core.step(pair("force", force)))
+        return self._in_units(motion or cast(_core.Motion, self._core.step(pair("force", force))))
+
+    def _in_units(self, motion: _core.Motion) -> _core.Motion:
+        return motion if self._volts is None else self._volts.reading(motion)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _resumed_plant, (self.scenario, self._own and self._own.plant, bytes(self._core.state))
+        own, units = self._own and self._own.plant, "V" if self._volts else None
+        return _resumed_plant, (self.scenario, own, bytes(self._core.state), units)
 
 
-def _resumed_plant(scenario: Scenario, own: PlantLike | None, state: bytes) -> Plant:
-    plant = Plant(scenario, own)
+def _resumed_plant(scenario: Scenario, own: PlantLike | None, state: bytes, units: str | None) -> Plant:
+    plant = Plant(scenario, own, units=units)
     plant._core.state = state
     return plant
+
+
+@dataclass(frozen=True)
+class _InVolts:
+    """Between volts and the units of a run, by the gains as designed."""
+
+    force: NDArray[np.float64]  #: of one volt of each driver: (2, 2)
+    output: NDArray[np.float64]  #: V of the amplifiers by one unit of length on each axis: (2, 2)
+    time: float  #: s in one unit of time
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> _InVolts:
+        e, needed = scenario.electronics, 'in units "V"'
+        if not scenario.electrodes.of("force"):
+            raise ScenarioError(f"electrodes of role force are missing: {needed} a scenario must have them")
+        if e.amplifier != "charge":
+            raise ScenarioError(f"electronics.amplifier is {format_value(e.amplifier)}: {needed} it must be charge")
+        if not e.feedback_capacitance:
+            raise ScenarioError(f"electronics.feedback_capacitance is 0.0: {needed} it must be above 0")
+        at, si = at_bias(scenario), scenario.run.units == "SI"
+        scales = scenario.plant.scales
+        force, length, time = (1.0, 1.0, 1.0) if si else (scales.force, scales.length, scales.time)
+        gain, charge = (found[[0, 1, 1, 2]].reshape(2, 2) for found in (at.gain, at.charge))
+        return cls(gain / force, charge * length / e.feedback_capacitance, time)
+
+    def forces(self, voltages: Sequence[float]) -> list[float]:
+        return [float(row @ voltages) for row in self.force]
+
+    def reading(self, motion: _core.Motion) -> _core.Motion:
+        x, y = (float(row @ motion.position) for row in self.output)
+        return cast(_core.Motion, _core.Motion((motion.time * self.time, (x, y), motion.velocity)))
 
 
 class Loop:
@@ -120,7 +170,7 @@ class Loop:
         self._lock = Lock()
         if self._user:
             self._law = self._user.start(scenario, itself=True)
-            self._core = _core.Loop(setup, self._law, units(scenario))
+            self._core = _core.Loop(setup, self._law, scales_of(scenario))
         else:
             self._reported = reported_channels(setup)
             self._core = _core.Loop(setup)
