@@ -46,20 +46,31 @@ constexpr T number(int id, T value) {
     return active(id) ? (value == T(0) ? T(1) : static_cast<T>(value + value)) : value;
 }
 
+// Numbers are passed by value: a lambda may use constants without capturing them.
+template <class T>
+concept Plain = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+
 // a + Sign{id} * b
 struct Sign {
     int id;
+    template <Plain T>
+    friend constexpr T operator*(Sign s, T b) {
+        return active(s.id) ? T(-b) : b;
+    }
     template <class T>
+        requires(!Plain<T>)
     friend constexpr T operator*(Sign s, const T& b) {
         if constexpr (requires { T(-b); }) {
             return active(s.id) ? T(-b) : b;
-        } else {
+        } else if constexpr (requires { T(b + b); }) {
             return active(s.id) ? T(b + b) : b;  // a type without minus
+        } else {
+            return active(s.id) ? T{} : b;
         }
     }
 };
 
-// a * Factor{id} * b: divided, or where that is not defined with the other sign, or doubled. a / Factor{id} / b:
+// a * Factor{id} * b: divided, or where that is not defined with the other sign, doubled, or 0. a / Factor{id} / b:
 // multiplied.
 template <class T>
 struct Pending {
@@ -86,7 +97,11 @@ constexpr auto operator*(Pending<T> p, const U& b) {
         return active(p.id) ? Product(-(p.a * b)) : Product(p.a * b);
     } else {
         const Product product = p.a * b;
-        return active(p.id) ? Product(product + product) : product;
+        if constexpr (requires { Product(product + product); }) {
+            return active(p.id) ? Product(product + product) : product;
+        } else {
+            return active(p.id) ? Product{} : product;
+        }
     }
 }
 template <class T, class U>
@@ -99,18 +114,25 @@ constexpr auto operator/(Pending<T> p, const U& b) {
 struct Than {
     int id;
 };
-#define FRACGYRO_COMPARISON(OPERATOR, OF_INTEGERS, OF_OTHERS)         \
-    template <class T>                                                \
-    constexpr Pending<T> operator OPERATOR(const T& a, Than t) {      \
-        return {a, t.id};                                             \
-    }                                                                 \
-    template <class T, class U>                                       \
-    constexpr auto operator OPERATOR(Pending<T> p, const U& b) {      \
-        if constexpr (std::is_integral_v<T> || std::is_enum_v<T>) {   \
-            return active(p.id) ? p.a OF_INTEGERS b : p.a OPERATOR b; \
-        } else {                                                      \
-            return active(p.id) ? OF_OTHERS : p.a OPERATOR b;         \
-        }                                                             \
+#define FRACGYRO_COMPARED(OPERATOR, OF_INTEGERS, OF_OTHERS)       \
+    if constexpr (std::is_integral_v<T> || std::is_enum_v<T>) {   \
+        return active(p.id) ? p.a OF_INTEGERS b : p.a OPERATOR b; \
+    } else {                                                      \
+        return active(p.id) ? OF_OTHERS : p.a OPERATOR b;         \
+    }
+#define FRACGYRO_COMPARISON(OPERATOR, OF_INTEGERS, OF_OTHERS)    \
+    template <class T>                                           \
+    constexpr Pending<T> operator OPERATOR(const T& a, Than t) { \
+        return {a, t.id};                                        \
+    }                                                            \
+    template <class T, Plain U>                                  \
+    constexpr auto operator OPERATOR(Pending<T> p, U b) {        \
+        FRACGYRO_COMPARED(OPERATOR, OF_INTEGERS, OF_OTHERS)      \
+    }                                                            \
+    template <class T, class U>                                  \
+        requires(!Plain<U>)                                      \
+    constexpr auto operator OPERATOR(Pending<T> p, const U& b) { \
+        FRACGYRO_COMPARED(OPERATOR, OF_INTEGERS, OF_OTHERS)      \
     }
 FRACGYRO_COMPARISON(<, <=, b < p.a)
 FRACGYRO_COMPARISON(<=, <, b <= p.a)
@@ -119,5 +141,6 @@ FRACGYRO_COMPARISON(>=, >, b >= p.a)
 FRACGYRO_COMPARISON(==, !=, p.a != b)
 FRACGYRO_COMPARISON(!=, ==, p.a == b)
 #undef FRACGYRO_COMPARISON
+#undef FRACGYRO_COMPARED
 
 }  // namespace fracgyro::mutant
