@@ -517,6 +517,7 @@ def test_what_is_damaged_or_of_another_controller_is_refused_and_changes_nothing
 # -- Budgets -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly  # benchmarks/sources.py lists the table if it is outdated
 @pytest.mark.takes_a_minute
 def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
     need("Cortex-M")

@@ -73,6 +73,7 @@ def test_what_github_reads_is_valid(schema: str) -> None:
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
+@pytest.mark.nightly  # compiles it
 def test_actionlint_has_no_complaint() -> None:
     """Skipped without Go or, on first use, the network, even if nothing may be skipped."""
     if shutil.which("go") is None:
