@@ -56,7 +56,8 @@ def blanked(text: str) -> str:
 
 
 def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
-    """Constexpr variables, static assertions, attributes, template heads, macros, and the defaults of members."""
+    """Constexpr variables, static assertions, attributes, template heads, macros, pure specifiers, and the defaults of
+    members."""
     spans = []
     declared = r"\b(?:constexpr|constinit)\b[^;(){}=]*[={]|\bstatic_assert\b|\bconcept\b|\bconsteval\b|\busing\b"
     for start in re.finditer(rf"\bfields\(\) \{{|{declared}", code):
@@ -68,7 +69,7 @@ def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
                 break
         spans.append((start.start(), at))
     words = r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bif constexpr\b[^\n]*|^[A-Z_]+\([^\n]*\)$"
-    for found in re.finditer(words, code, re.MULTILINE):
+    for found in re.finditer(rf"\) (?:const )?= 0;|{words}", code, re.MULTILINE):
         spans.append(found.span())
     defaults = r"^ {4,8}(?:const )?[\w:<>, ]+ \w+(?: = [\w.+-]+|\{[\w.+, -]*\})(?:, \w+ = [\w.+-]+)*;[ ]*$"
     for found in re.finditer(defaults, code, re.MULTILINE):
