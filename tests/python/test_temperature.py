@@ -104,7 +104,19 @@ def test_joint_is_given_the_fastest_drift_of_an_entry() -> None:
         ),
         (
             {"device.pickoff_gain_drift": [-1e6, 0.0], **ONE_KELVIN},
-            "device.pickoff_gain_drift is [-1000000.0, 0.0]: over 1 K a gain would be 0 or less",
+            "device.pickoff_gain_drift is [-1000000.0, 0.0]: over 1 K a gain would be 0, negative or infinite",
+        ),
+        (
+            {"device.quadrature_drift": -1.7e308, **ONE_KELVIN},
+            "device.quadrature_drift is -1.7e+308: over 1 K it makes stiffness negative or infinite",
+        ),
+        (
+            {"device.damper_drift": [0.0, 1.7e308], "device.temperature_points": [[0.0, 0.0], [10.0, 1e9]]},
+            "device.damper_drift is [0.0, 1.7e+308]: over 1e+09 K it makes damping negative or infinite",
+        ),
+        (
+            {"device.force_gain_drift": [0.0, 1.7e308], "device.temperature_points": [[0.0, 0.0], [10.0, 1e9]]},
+            "device.force_gain_drift is [0.0, 1.7e+308]: over 1e+09 K a gain would be 0, negative or infinite",
         ),
     ],
 )

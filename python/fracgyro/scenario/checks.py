@@ -208,7 +208,9 @@ def _check_drift(scenario: Any) -> None:
                     f"device.{field} is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
                     f"{factor:g}, which must be greater than 0 and finite"
                 )
-        _check_warm(scenario, change)
+        if change:
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+                _check_warm(scenario, change)
 
 
 def _check_warm(scenario: Any, change: float) -> None:
@@ -226,15 +228,18 @@ def _check_warm(scenario: Any, change: float) -> None:
         xx, xy, yy = (1 + common) * matrix + change * more
         least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
         name = max(names, key=lambda each: np.abs(getattr(device, each)).max())
-        if more.any() and not least >= 0:
+        if more.any() and not 0 <= least < math.inf:
             raise message_error(
                 f"device.{name} is {toml_value(getattr(device, name))}: over {change:g} K it makes "
-                f"{'damping' if name in MATRIX_DRIFTS[2:] else 'stiffness'} negative, with an eigenvalue of {least:.4g}"
+                f"{'damping' if name in MATRIX_DRIFTS[2:] else 'stiffness'} negative or infinite, with an eigenvalue "
+                f"of {least:.4g}"
             )
     for name in GAIN_DRIFTS:
-        if not min(1 + 1e-6 * change * np.array(getattr(device, name))) > 0:
+        gains = 1 + 1e-6 * change * np.array(getattr(device, name))
+        if not (min(gains) > 0 and max(gains) < math.inf):
             raise message_error(
-                f"device.{name} is {toml_value(getattr(device, name))}: over {change:g} K a gain would be 0 or less"
+                f"device.{name} is {toml_value(getattr(device, name))}: over {change:g} K a gain would be 0, negative "
+                "or infinite"
             )
 
 
