@@ -42,6 +42,9 @@ def build(only: Collection[str] = ()) -> list[Mutant]:
     ]  # fmt: skip
     subprocess.run(configure, check=True, stdout=subprocess.DEVNULL)
     subprocess.run([bin / "cmake", "--build", OBJECTS, "--", "-k", "0"], check=True)
+    for name in ("include", "integrations"):  # next to the module, where exports look for them
+        (OBJECTS / name).unlink(missing_ok=True)
+        (OBJECTS / name).symlink_to(ROOT / name)
     return mutants
 
 

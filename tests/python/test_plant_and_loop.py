@@ -340,11 +340,11 @@ def test_a_loop_with_a_law_is_copied_and_one_with_a_callable_is_not() -> None:
 
 def test_a_damaged_state_of_a_plant_is_refused() -> None:
     plant = fg.Plant(SHORT)
-    remake, (scenario, own, state) = plant.__reduce__()
-    assert remake(scenario, own, state).motion == plant.motion
+    remake, (scenario, own, state, units) = plant.__reduce__()
+    assert remake(scenario, own, state, units).motion == plant.motion
     for damaged in (b"", state[:-1], state[:99] + bytes([state[99] ^ 1]) + state[100:]):
         with pytest.raises(ValueError, match=r"^state is damaged"):
-            remake(scenario, own, damaged)
+            remake(scenario, own, damaged, units)
 
 
 def test_a_loop_that_its_own_controller_runs_or_sets_says_so_once() -> None:

@@ -111,8 +111,8 @@ def test_joint_is_given_the_fastest_drift_of_an_entry() -> None:
             "device.quadrature_drift is -1.7e+308: over 1 K it makes stiffness negative or infinite",
         ),
         (
-            {"device.damper_drift": [0.0, 1.7e308], "device.temperature_points": [[0.0, 0.0], [10.0, 1e9]]},
-            "device.damper_drift is [0.0, 1.7e+308]: over 1e+09 K it makes damping negative or infinite",
+            {"device.damper_drift": [0.0, 1.7e308], "device.temperature_points": [[0.0, 0.0], [10.0, 1e12]]},
+            "device.damper_drift is [0.0, 1.7e+308]: over 1e+12 K it makes damping negative or infinite",
         ),
         (
             {"device.force_gain_drift": [0.0, 1.7e308], "device.temperature_points": [[0.0, 0.0], [10.0, 1e9]]},
