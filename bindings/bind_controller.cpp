@@ -165,6 +165,8 @@ void bind_controller(nb::module_& m) {
             nb::arg("position"), nb::arg("velocity"))
         .def("checked_step", &checked_step, nb::arg("step"), nb::arg("units"), nb::arg("time").none(),
              nb::arg("position").none(), nb::arg("velocity").none())
+        .def(
+            "acted", [](const Stepped& self, const Array2& force) { self->acted(to_vec2(force)); }, nb::arg("force"))
         .def_prop_ro("report", [](const Stepped& self) { return self->report(); })
         .def_prop_ro("steps", [](const Stepped& self) { return self->steps(); })
         .def_prop_ro("status", [](const Stepped& self) { return self->status(); })

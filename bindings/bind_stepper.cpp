@@ -75,6 +75,11 @@ public:
         return motion();
     }
 
+    // The force to which drivers rounded the last one, None without converters.
+    nb::object rounded() const {
+        const Vec2<double>* const code = DevicePlant::code(now_.state, coefficients_);
+        return code == nullptr ? nb::none() : nb::steal(new_pair(units_.force * *code));
+    }
     nb::bytes state() const {
         std::vector<unsigned char> bytes(Saved<Now>::size);
         Saved<Now>::write(now_, bytes.data());
@@ -173,6 +178,7 @@ void bind_stepper(nb::module_& m) {
         .def(nb::init<const RunSetup&, const Units&>(), nb::arg("setup"), nb::arg("units"))
         .def_prop_ro("motion", &GyroscopeHolder::motion)
         .def("step", &GyroscopeHolder::step, nb::arg("force").none())
+        .def_prop_ro("rounded", &GyroscopeHolder::rounded)
         .def_prop_rw("state", &GyroscopeHolder::state, &GyroscopeHolder::restore);
     nb::class_<LoopHolder>(m, "Loop")
         .def(nb::init<const RunSetup&>(), nb::arg("setup"))

@@ -50,6 +50,12 @@ void fracgyro_init(fracgyro_state* state) {
     return static_cast<fracgyro_status>(s.status);
 }
 
+[[gnu::flatten]] void fracgyro_acted(fracgyro_state* state, const fracgyro_vector* force) {
+    if constexpr (fracgyro::KnowsForce<Controller>) {
+        Guard::acted(in(state), coefficients, {force->x, force->y});
+    }
+}
+
 [[gnu::flatten]] void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report) {
     auto* number = reinterpret_cast<fracgyro_number*>(report);
     fracgyro::for_each_number<fracgyro::Reported::between_steps>(Guard::report(in(state), coefficients),

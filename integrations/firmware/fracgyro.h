@@ -52,6 +52,10 @@ void fracgyro_init(fracgyro_state* state);
 /* The force to hold until the next step, from the motion measured now. `force` is always set and within the limit. */
 fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
 
+/* The force that acts where a converter rounds that of fracgyro_step: call it after each step, for controllers that
+ * filter the motion. Others ignore it. */
+void fracgyro_acted(fracgyro_state* state, const fracgyro_vector* force);
+
 /* The controller's report before the next step. Does nothing for a controller without a report. */
 void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report);
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import pickle
 import re
+import subprocess
+from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from fracgyro.cli import cli
+from fracgyro.export.compilers import FLAGS, compiler
 from fracgyro.export.fmu import fmu
 from fracgyro.export.settings import without_plant
 from fracgyro.scenario import ScenarioError
@@ -394,6 +397,68 @@ def test_a_plant_in_volts_needs_drivers_and_amplifiers(changes: dict[str, Any], 
     assert said in str(refused.value)
     with pytest.raises(ValueError, match=re.escape("units is 'mV': it must be \"V\" or None")):
         fg.Plant(made, units="mV")
+
+
+@pytest.mark.parametrize("kind", ["fractional_fast_terminal", "lqg"])
+def test_a_controller_that_is_told_the_rounded_force_is_that_of_the_loop(kind: str) -> None:
+    made = fg.Scenario.shipped("dual_mass_volts").replace({"controller.kind": kind, "run.duration": 20.0})
+    wanted = fg.simulate(made.replace({"run.record_every": 1}))["control"].values
+
+    def forces(told: bool) -> Any:
+        controller, plant = fg.Controller(made), fg.Plant(made)
+        motion, found = plant.motion, []
+        for _ in wanted:
+            found.append(controller.step(motion.time, motion.position))
+            motion = plant.step(found[-1])
+            if told:
+                assert plant.rounded is not None
+                controller.acted(plant.rounded)
+        return np.array(found)
+
+    np.testing.assert_array_equal(forces(told=True), wanted)
+    step = 20.0 / 2**16 * at_bias(made).gain[[0, 2]] / made.plant.scales.force
+    assert np.abs(forces(told=False) - wanted).max() > 0.1 * step.min()
+    with pytest.raises(ValueError, match=r"^force is \[nan, 0\.0\]"):
+        fg.Controller(made).acted([math.nan, 0.0])
+
+
+TOLD = """
+#include "fracgyro.h"
+#include <stdio.h>
+int main(void) {
+    static fracgyro_state state;
+    fracgyro_init(&state);
+    fracgyro_vector position, acting, force;
+    while (scanf("%la %la %la %la", &position.x, &position.y, &acting.x, &acting.y) == 4) {
+        const fracgyro_motion motion = {position, {0, 0}};
+        fracgyro_step(&state, &motion, &force);
+        fracgyro_acted(&state, &acting);
+        printf("%a %a\\n", force.x, force.y);
+    }
+    return 0;
+}
+"""
+
+
+def test_firmware_that_is_told_the_rounded_force_has_the_bits_of_the_controller(tmp_path: Path) -> None:
+    made = fg.Scenario.shipped("dual_mass_volts").replace({"guard.checked": True})
+    controller, plant = fg.Controller(made), fg.Plant(made)
+    motion, rows, wanted = plant.motion, [], []
+    for step in range(300):
+        position = (math.nan, 0.0) if step in (100, 101) else motion.position
+        wanted.append(controller.step(controller.time, position))
+        motion = plant.step(wanted[-1])
+        assert plant.rounded is not None
+        controller.acted(plant.rounded)
+        rows.append([*position, *plant.rounded])
+    fg.export.firmware(made, tmp_path / "firmware", "double")
+    (tmp_path / "firmware/told.c").write_text(TOLD, encoding="utf-8")
+    words = [*compiler(), "-O1", *FLAGS, "-Iinclude", "fracgyro.cpp", "-x", "c++", "told.c", "-o", "told"]
+    subprocess.run(words, cwd=tmp_path / "firmware", check=True)
+    given = "\n".join(" ".join(float.hex(each) for each in row) for row in rows)
+    ran = subprocess.run([tmp_path / "firmware/told"], input=given, capture_output=True, text=True, check=True)
+    found = [[float.fromhex(each) for each in line.split()] for line in ran.stdout.splitlines()]
+    np.testing.assert_array_equal(found, wanted)
 
 
 def test_a_loop_in_another_target_refuses_volts(tmp_path: Any) -> None:

@@ -87,6 +87,14 @@ struct Guard {
         signals.force = state.force;
         return signals;
     }
+    // The force that acts after step() where a converter rounds the one that it gave: for controllers that use it.
+    static void acted(State& state, const Coefficients& c, const Vec2<T>& force)
+        requires KnowsForce<Controller>
+    {
+        if (steps(state) > 0 && state.status != Status::restarted) {
+            Controller::acted(state.controller, c.controller, force);
+        }
+    }
 
 private:
     static T sum(const Vec2<T>& a) { return absolute(a.x()) + absolute(a.y()); }

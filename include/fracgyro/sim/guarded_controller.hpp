@@ -10,6 +10,7 @@ class GuardedController {
 public:
     virtual ~GuardedController() = default;
     virtual Vec2<double> step(const Motion<double>& measured) = 0;  // the force
+    virtual void acted(const Vec2<double>& force) = 0;              // after `step`, where a converter rounds its force
     virtual std::vector<double> report() const = 0;
     virtual std::uint64_t steps() const = 0;
     virtual Status status() const = 0;
@@ -38,6 +39,11 @@ public:
     Vec2<double> step(const Motion<double>& measured) override {
         Guard<C>::step(state_, coefficients_, {rounded(measured.position), rounded(measured.velocity)});
         return {static_cast<double>(state_.force.x()), static_cast<double>(state_.force.y())};
+    }
+    void acted(const Vec2<double>& force) override {
+        if constexpr (KnowsForce<C>) {
+            Guard<C>::acted(state_, coefficients_, rounded(force));
+        }
     }
     std::vector<double> report() const override { return controller_->report_between_steps(); }
     std::uint64_t steps() const override { return controller_->steps(); }

@@ -120,6 +120,19 @@ class Controller:
             why = "steps must be consecutive" if expected else "time starts with the first accepted sample"
             raise ValueError(f"time is {given}: the next step is at {expected * self._units.time:.9g}, and {why}")
 
+    def acted(self, force: Sequence[float]) -> None:
+        """States the force [x, y] that acts where converters round that of the last `step`; call it after each step.
+
+        The filters of joint adaptation, lqg and controller.filter use it; other controllers ignore it. Without it they
+        take the requested force for the acting one. Raises TypeError or ValueError for anything but two finite numbers.
+
+        >>> scenario = fg.Scenario.shipped("dual_mass_volts")
+        >>> controller, plant = fg.Controller(scenario), fg.Plant(scenario)
+        >>> motion = plant.step(controller.step(plant.motion.time, plant.motion.position))
+        >>> controller.acted(plant.rounded)
+        """
+        self._core.acted(np.divide(pair("force", force), self._units.force))
+
     @property
     def time(self) -> float:
         """Time of the next step, in the unit of the run.

@@ -74,6 +74,17 @@ class Plant:
         """
         return self._in_units(self._core.motion)
 
+    @property
+    def rounded(self) -> tuple[float, float] | None:
+        """Force (x, y) to which the converters of the drivers rounded the last command, by their gains as designed.
+
+        In the units of `scenario.run.units`; None without such converters. `Controller.acted` takes it.
+
+        >>> fg.Plant(fg.Scenario.paper()).rounded is None
+        True
+        """
+        return cast(tuple[float, float] | None, self._core.rounded)
+
     def step(self, force: Sequence[float]) -> _core.Motion:
         """Apply the commanded force, or voltages, [x, y] for `run.step`; returns the motion measured then.
 
@@ -138,7 +149,8 @@ class _InVolts:
 
     def reading(self, motion: _core.Motion) -> _core.Motion:
         x, y = (float(row @ motion.position) for row in self.output)
-        return cast(_core.Motion, _core.Motion((motion.time * self.time, (x, y), motion.velocity)))
+        # A struct sequence, which takes one sequence; the stub has its fields.
+        return _core.Motion((motion.time * self.time, (x, y), motion.velocity))  # type: ignore[call-arg, arg-type]
 
 
 class Loop:
