@@ -209,7 +209,7 @@ def _check_drift(scenario: Any) -> None:
                     f"{factor:g}, which must be greater than 0 and finite"
                 )
         if change:
-            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+            with np.errstate(over="ignore", invalid="ignore"):  # overflow is refused below
                 _check_warm(scenario, change)
 
 

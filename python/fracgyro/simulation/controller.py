@@ -131,7 +131,8 @@ class Controller:
         >>> motion = plant.step(controller.step(plant.motion.time, plant.motion.position))
         >>> controller.acted(plant.rounded)
         """
-        self._core.acted(np.divide(pair("force", force), self._units.force))
+        x, y = pair("force", force)
+        self._core.acted((x / self._units.force, y / self._units.force))
 
     @property
     def time(self) -> float:
