@@ -51,9 +51,7 @@ void fracgyro_init(fracgyro_state* state) {
 }
 
 [[gnu::flatten]] void fracgyro_acted(fracgyro_state* state, const fracgyro_vector* force) {
-    if constexpr (fracgyro::KnowsForce<Controller>) {
-        Guard::acted(in(state), coefficients, {force->x, force->y});
-    }
+    Guard::acted(in(state), coefficients, {force->x, force->y});
 }
 
 [[gnu::flatten]] void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report) {

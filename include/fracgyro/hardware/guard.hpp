@@ -88,11 +88,12 @@ struct Guard {
         return signals;
     }
     // The force that acts after step() where a converter rounds the one that it gave: for controllers that use it.
-    static void acted(State& state, const Coefficients& c, const Vec2<T>& force)
-        requires KnowsForce<Controller>
-    {
-        if (steps(state) > 0 && state.status != Status::restarted) {
-            Controller::acted(state.controller, c.controller, force);
+    static void acted([[maybe_unused]] State& state, [[maybe_unused]] const Coefficients& c,
+                      [[maybe_unused]] const Vec2<T>& force) {
+        if constexpr (KnowsForce<Controller>) {
+            if (steps(state) > 0 && state.status != Status::restarted) {
+                Controller::acted(state.controller, c.controller, force);
+            }
         }
     }
 

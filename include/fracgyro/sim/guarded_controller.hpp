@@ -40,11 +40,7 @@ public:
         Guard<C>::step(state_, coefficients_, {rounded(measured.position), rounded(measured.velocity)});
         return {static_cast<double>(state_.force.x()), static_cast<double>(state_.force.y())};
     }
-    void acted(const Vec2<double>& force) override {
-        if constexpr (KnowsForce<C>) {
-            Guard<C>::acted(state_, coefficients_, rounded(force));
-        }
-    }
+    void acted(const Vec2<double>& force) override { Guard<C>::acted(state_, coefficients_, rounded(force)); }
     std::vector<double> report() const override { return controller_->report_between_steps(); }
     std::uint64_t steps() const override { return controller_->steps(); }
     Status status() const override { return state_.status; }
