@@ -1156,7 +1156,7 @@ def test_a_figure_can_be_chosen_or_typed_and_given_up(browser: Any, address: str
         page.get_by_text("Draw the motion", exact=True).last.click()
         page.select_option("#figures", "square")
         page.wait_for_function("location.hash.includes('figure=1+1')")
-        assert page.input_value("#points") == "1 1, -1 1, -1 -1, 1 -1"
+        page.wait_for_function("document.querySelector('#points').value === '1 1, -1 1, -1 -1, 1 -1'")
         page.fill("#points", "1 0, 0 1")
         page.keyboard.press("Enter")
         page.wait_for_selector("#problem:visible")
