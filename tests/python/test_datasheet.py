@@ -114,9 +114,9 @@ def test_jitter_counts_as_noise_of_the_position_that_grows_with_the_speed() -> N
     walks = []
     for speed in speeds:
         noise = {"device.position_noise": 1e-9 * abs(speed) / math.sqrt(2), "disturbance": {"kind": "none"}}
-        alone = fg.rate.bound_angle_random_walk(STILL.replace({**moving, **noise}))
-        assert alone is not None
-        walks.append(math.degrees(alone.known) * 60)
+        single = fg.rate.bound_angle_random_walk(STILL.replace({**moving, **noise}))
+        assert single is not None
+        walks.append(math.degrees(single.known) * 60)
     assert min(walks) < found["bound_jitter"] < max(walks)
     whole = fg.rate.bound_angle_random_walk(made)
     assert whole is not None

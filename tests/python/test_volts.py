@@ -400,29 +400,29 @@ def test_a_plant_in_volts_needs_drivers_and_amplifiers(changes: dict[str, Any], 
 
 
 @pytest.mark.parametrize("kind", ["fractional_fast_terminal", "lqg"])
-def test_a_controller_that_is_told_the_rounded_force_is_that_of_the_loop(kind: str) -> None:
+def test_a_controller_that_knows_the_rounded_force_is_that_of_the_loop(kind: str) -> None:
     made = fg.Scenario.shipped("dual_mass_volts").replace({"controller.kind": kind, "run.duration": 20.0})
     wanted = fg.simulate(made.replace({"run.record_every": 1}))["control"].values
 
-    def forces(told: bool) -> Any:
+    def forces(knows: bool) -> Any:
         controller, plant = fg.Controller(made), fg.Plant(made)
         motion, found = plant.motion, []
         for _ in wanted:
             found.append(controller.step(motion.time, motion.position))
             motion = plant.step(found[-1])
-            if told:
+            if knows:
                 assert plant.rounded is not None
                 controller.acted(plant.rounded)
         return np.array(found)
 
-    np.testing.assert_array_equal(forces(told=True), wanted)
+    np.testing.assert_array_equal(forces(knows=True), wanted)
     step = 20.0 / 2**16 * at_bias(made).gain[[0, 2]] / made.plant.scales.force
-    assert np.abs(forces(told=False) - wanted).max() > 0.1 * step.min()
+    assert np.abs(forces(knows=False) - wanted).max() > 0.1 * step.min()
     with pytest.raises(ValueError, match=r"^force is \[nan, 0\.0\]"):
         fg.Controller(made).acted([math.nan, 0.0])
 
 
-TOLD = """
+WITH_ROUNDING = """
 #include "fracgyro.h"
 #include <stdio.h>
 int main(void) {
@@ -440,7 +440,7 @@ int main(void) {
 """
 
 
-def test_firmware_that_is_told_the_rounded_force_has_the_bits_of_the_controller(tmp_path: Path) -> None:
+def test_firmware_that_knows_the_rounded_force_has_the_bits_of_the_controller(tmp_path: Path) -> None:
     made = fg.Scenario.shipped("dual_mass_volts").replace({"guard.checked": True})
     controller, plant = fg.Controller(made), fg.Plant(made)
     motion, rows, wanted = plant.motion, [], []
@@ -452,13 +452,39 @@ def test_firmware_that_is_told_the_rounded_force_has_the_bits_of_the_controller(
         controller.acted(plant.rounded)
         rows.append([*position, *plant.rounded])
     fg.export.firmware(made, tmp_path / "firmware", "double")
-    (tmp_path / "firmware/told.c").write_text(TOLD, encoding="utf-8")
-    words = [*compiler(), "-O1", *FLAGS, "-Iinclude", "fracgyro.cpp", "-x", "c++", "told.c", "-o", "told"]
+    (tmp_path / "firmware/rounding.c").write_text(WITH_ROUNDING, encoding="utf-8")
+    words = [*compiler(), "-O1", *FLAGS, "-Iinclude", "fracgyro.cpp", "-x", "c++", "rounding.c", "-o", "rounding"]
     subprocess.run(words, cwd=tmp_path / "firmware", check=True)
     given = "\n".join(" ".join(float.hex(each) for each in row) for row in rows)
-    ran = subprocess.run([tmp_path / "firmware/told"], input=given, capture_output=True, text=True, check=True)
+    ran = subprocess.run([tmp_path / "firmware/rounding"], input=given, capture_output=True, text=True, check=True)
     found = [[float.fromhex(each) for each in line.split()] for line in ran.stdout.splitlines()]
     np.testing.assert_array_equal(found, wanted)
+
+
+def test_a_target_that_cannot_state_the_rounded_force_needs_its_steps_as_noise(tmp_path: Path) -> None:
+    made = fg.Scenario.shipped("dual_mass_volts")
+    step = 20.0 / 2**16 * at_bias(made).gain[[0, 2]].max() / made.plant.scales.force
+    noise = math.hypot(datasheet(made).force_noise or math.nan, step / math.sqrt(12))
+    for export in (
+        lambda given: fg.export.matlab(given, tmp_path / "matlab"),
+        lambda given: fmu(given, tmp_path / "controller.fmu", content="controller"),
+    ):
+        with pytest.raises(ScenarioError, match=r"^datasheet\.force_noise is not given: .*, (\S+)$") as refused:
+            export(made)
+        assert float(str(refused.value).split()[-1]) == pytest.approx(noise, rel=1e-5)
+        export(made.replace({"datasheet.force_noise": noise}))
+    # Where nothing is rounded, or the controller does not filter the motion, nothing is missing.
+    exact = [{**dict(one), "bits": 0} for one in made.electrodes.each]
+    fg.export.matlab(made.replace({"electrodes": exact}), tmp_path / "exact")
+    plain = made.replace({"controller.kind": "pid", "controller.observer_bandwidth": 1.0, "adaptation": {}})
+    fg.export.matlab(plain, tmp_path / "pid")
+
+
+def test_a_replay_of_a_run_whose_drivers_round_is_refused(tmp_path: Path) -> None:
+    made = fg.Scenario.shipped("dual_mass_volts").replace({"run.duration": 2.0, "run.record_every": 1})
+    fg.simulate(made).to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match=r"run\.nc was recorded with electrodes whose drivers round the force"):
+        fg.export.replay(tmp_path / "run.nc", "host")
 
 
 def test_a_loop_in_another_target_refuses_volts(tmp_path: Any) -> None:

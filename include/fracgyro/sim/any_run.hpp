@@ -86,14 +86,8 @@ inline Metrics measure_any_ideal(const Setup& setup, AnyController<double>& cont
     Metrics values{};
     with_erased(controller, setup.common, [&]<class C>() {
         const auto part = [&](auto& state, const auto& c, std::int64_t end, const Vec2<double>* coming, auto& sums) {
-            auto own = copied(state);
-            auto own_sums = copied(sums);
-            const std::int64_t first = own.step;
-            Stepper<C>::run(
-                own, c, end, [&](std::int64_t n) { return coming[n - first]; },
-                [&](const auto& at) { own_sums.add(at.signals, controller.common_report()); });
-            state = own;
-            sums = own_sums;
+            Stepper<C>::run_part(state, c, end, coming,
+                                 [&](const auto& at) { sums.add(at.signals, controller.common_report()); });
         };
         values =
             measure_segments<C>(erased_setup({{setup}}, controller), params, noise, part,

@@ -267,19 +267,13 @@ Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
             .diverged_at = samples > setup.steps ? nan : count(samples) * h};
 }
 
-// Runs the samples before `end` with their disturbances from `coming` on, and sums what metrics use. The loop keeps in
-// registers what no call can change: so it calls nothing and has a state of its own.
+// Runs the samples before `end` with their disturbances from `coming` on, and sums what metrics use.
 template <Controller C>
 void measure_part(typename Stepper<C>::Pending& state, const typename Stepper<C>::Coefficients& __restrict c,
                   std::int64_t end, const Vec2<double>* coming, MetricsSums<typename C::Value>& sums) {
-    auto own = copied(state);
-    auto own_sums = copied(sums);
-    const std::int64_t first = own.step;
-    Stepper<C>::run(
-        own, c, end, [&](std::int64_t n) { return coming[n - first]; },
-        [&](const auto& at) { own_sums.add(at.signals, at.signals.report); });
-    state = own;
-    sums = own_sums;
+    auto own = copied(sums);
+    Stepper<C>::run_part(state, c, end, coming, [&](const auto& at) { own.add(at.signals, at.signals.report); });
+    sums = own;
 }
 
 // The metrics of one run by itself, with the bits that it has in a lane (batch.hpp). `part`: as measure_part;

@@ -69,26 +69,20 @@ struct NextRow {
     std::int64_t every = 1, left = 0;  // samples; none left: the coming one
 };
 
-// Runs the samples before `end` with their disturbances from `coming` on. Its loop keeps in registers what no call and
-// no row can change: so it calls nothing and has a state of its own.
+// Runs the samples before `end` with their disturbances from `coming` on, and writes their rows.
 template <Controller C>
 void record_part(typename Stepper<C>::Pending& state, const typename Stepper<C>::Coefficients& __restrict c,
                  std::int64_t end, const Vec2<double>* coming, NextRow& next) {
-    auto own = copied(state);
-    NextRow at_row = next;
-    const std::int64_t first = own.step;
-    Stepper<C>::run(
-        own, c, end, [&](std::int64_t n) { return coming[n - first]; },
-        [&](const auto& at) {
-            if (at_row.left == 0) {
-                write_row(at, at_row.row);
-                at_row.row += row_width<typename C::Report>;
-                at_row.left = at_row.every;
-            }
-            --at_row.left;
-        });
-    state = own;
-    next = at_row;
+    NextRow own = next;
+    Stepper<C>::run_part(state, c, end, coming, [&](const auto& at) {
+        if (own.left == 0) {
+            write_row(at, own.row);
+            own.row += row_width<typename C::Report>;
+            own.left = own.every;
+        }
+        --own.left;
+    });
+    next = own;
 }
 
 // Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. `part`: record_part, or a copy of

@@ -175,6 +175,16 @@ struct Stepper {
         }
     }
 
+    // The same with the noise of the coming samples, for a run's part. The loop keeps in registers what no call and no
+    // write can change: it draws nothing and has a state of its own.
+    template <class Drawn, class Observe>
+    static void run_part(Pending& state, const Coefficients& c, std::int64_t end, const Drawn* coming,
+                         Observe&& observe) {
+        auto own = copied(state);
+        run(own, c, end, [&, first = own.step](std::int64_t n) { return coming[n - first]; }, observe);
+        state = own;
+    }
+
     // Functions for callers that keep the clock themselves. The sample at t = 0:
     template <class Setup, class Draw>
     static State start(const Setup& setup, const Coefficients& c, Draw&& draw) {

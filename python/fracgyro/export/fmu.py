@@ -31,6 +31,7 @@ from ..scenario.terms import first_part, term_list
 from ..scenario.to_core import check_single, core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
+    check_rounding,
     columns,
     core_kernel,
     core_numbers,
@@ -145,6 +146,7 @@ def fmu(
             "if the reference is an input"
         )
     if content == "controller":
+        check_rounding(scenario)
         scenario = without_plant(scenario)
     ideal = content == "controller" or is_ideal(scenario)
     if number == "float" and not ideal:

@@ -11,6 +11,7 @@ from ..scenario.bounded import check_bounded
 from .compilers import SOURCES, Number
 from .firmware import add_controller
 from .host import flags
+from .settings import check_rounding
 
 
 def matlab(
@@ -26,6 +27,7 @@ def matlab(
     >>> fg.export.matlab(fg.Scenario.shipped("hardware"), "matlab")
     """
     check_bounded(scenario, unbounded)
+    check_rounding(scenario)
     firmware = SOURCES / "integrations/firmware"
     with whole_folder(folder) as scratch:
         shutil.copytree(SOURCES / "integrations/matlab", scratch, dirs_exist_ok=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..extras import require
 from ..files import check_regular, reason
 from ..scenario import Scenario
+from .settings import knows_rounding
 from .targets import MOTION, AnyNumber, answer_columns, answered, answers, expected
 
 
@@ -89,6 +90,11 @@ def load(path: str | os.PathLike[str]) -> Trace:
         )
     if scenario.run.record_every != 1:
         raise ValueError(f"{path} lacks steps: run.record_every is {scenario.run.record_every}, and must be 1")
+    if knows_rounding(scenario):
+        raise ValueError(
+            f"{path} was recorded with electrodes whose drivers round the force: the controller knew the rounded one, "
+            "which a replay lacks; record it with their bits = 0"
+        )
     if not np.allclose(run["time"], scenario.run.step * np.arange(run.sizes["time"]), rtol=1e-9, atol=0.0):
         raise ValueError(f"{path} lacks steps: its times must be 0, {scenario.run.step}, and so on")
 

@@ -6,6 +6,7 @@ units, everything else is nondimensional, as in the TOML.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,7 @@ from ..scenario.schema import Plant
 from ..scenario.table import format_value
 from ..scenario.to_core import core_setup, datasheet, guard
 from ..scenario.volts import Electrodes, Electronics
-from ..scenario.volts_core import NO_ELECTRODES, has_volts, plant_at_bias
+from ..scenario.volts_core import NO_ELECTRODES, drive, has_volts, plant_at_bias
 from .units import scale_and_unit
 
 MAX_EXACT = 2**53 - 1  # integrations use doubles
@@ -44,6 +45,22 @@ def without_plant(scenario: Scenario) -> Scenario:
     linear = scenario.replace({"plant.kind": PLANT_KINDS[0]})
     volts = {"plant": plant_at_bias(linear), "electrodes": Electrodes(), "electronics": Electronics()}
     return linear.model_copy(update={"rate": Rate(), "device": device, **assumed, **volts})
+
+
+def knows_rounding(scenario: Scenario) -> bool:
+    """True if drivers round the force and the controller filters with the rounded one, which it must be given."""
+    return has_volts(scenario) and any(drive(scenario)[1]) and to_core.force_aware(scenario)
+
+
+def check_rounding(scenario: Scenario) -> None:
+    """Raises ScenarioError where the filter of a target without the rounded force would take the steps for nothing."""
+    if knows_rounding(scenario) and scenario.datasheet.force_noise is None:
+        steps = max(drive(scenario)[1]) / scenario.plant.scales.force / math.sqrt(12)
+        whole = math.hypot(datasheet(scenario).force_noise or 0.0, steps)
+        raise ScenarioError(
+            "datasheet.force_noise is not given: drivers round the force, and this target has no function that states "
+            f"the rounded one to the filter; give it with their steps as noise, {whole:.6g}"
+        )
 
 
 def check_gyroscope(scenario: Scenario) -> None:

@@ -128,7 +128,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     def rounded(noise: float, quantity: str) -> float:
         return math.hypot(noise, _resolution(device, quantity) / math.sqrt(12))
 
-    converted = 0.0 if _force_aware(scenario) else max(device["drive_step"]) / math.sqrt(12)
+    converted = 0.0 if force_aware(scenario) else max(device["drive_step"]) / math.sqrt(12)
     amplified = math.hypot(*device["amplifier_noise"]) / math.sqrt(2)
     values = {
         "force_noise": rounded(math.hypot(white_noise(scenario), converted), "actuator"),
@@ -143,7 +143,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     return assumed.model_copy(update=unset)
 
 
-def _force_aware(scenario: Scenario) -> bool:
+def force_aware(scenario: Scenario) -> bool:
     """True if the controller, or the filter before it, receives the force to which a converter rounds its request."""
     c = scenario.controller
     return force_aware_types(c.kind)[place_of_type(scenario)] or bool(c.filter == "kalman")

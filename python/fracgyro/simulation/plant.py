@@ -149,8 +149,8 @@ class _InVolts:
 
     def reading(self, motion: _core.Motion) -> _core.Motion:
         x, y = (float(row @ motion.position) for row in self.output)
-        # A struct sequence, which takes one sequence; the stub has its fields.
-        return _core.Motion((motion.time * self.time, (x, y), motion.velocity))  # type: ignore[call-arg, arg-type]
+        sequence = (motion.time * self.time, (x, y), motion.velocity)
+        return cast(_core.Motion, cast(Any, _core.Motion)(sequence))  # a struct sequence takes one argument
 
 
 class Loop:
