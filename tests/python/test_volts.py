@@ -473,7 +473,7 @@ def test_a_target_that_cannot_state_the_rounded_force_needs_its_steps_as_noise(t
             export(made)
         assert float(str(refused.value).split()[-1]) == pytest.approx(noise, rel=1e-5)
         export(made.replace({"datasheet.force_noise": noise}))
-    # Where nothing is rounded, or the controller does not filter the motion, nothing is missing.
+    # Without rounding, or without a filter of the motion, nothing is missing.
     exact = [{**dict(one), "bits": 0} for one in made.electrodes.each]
     fg.export.matlab(made.replace({"electrodes": exact}), tmp_path / "exact")
     plain = made.replace({"controller.kind": "pid", "controller.observer_bandwidth": 1.0, "adaptation": {}})
