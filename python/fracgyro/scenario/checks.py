@@ -228,7 +228,7 @@ def _check_warm(scenario: Any, change: float) -> None:
         xx, xy, yy = (1 + common) * matrix + change * more
         least = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
         name = max(names, key=lambda each: np.abs(getattr(device, each)).max())
-        if more.any() and not 0 <= least < math.inf:
+        if more.any() and not least >= 0:  # NaN if it overflows
             raise message_error(
                 f"device.{name} is {toml_value(getattr(device, name))}: over {change:g} K it makes "
                 f"{'damping' if name in MATRIX_DRIFTS[2:] else 'stiffness'} negative or infinite, with an eigenvalue "
