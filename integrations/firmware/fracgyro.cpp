@@ -54,6 +54,30 @@ void fracgyro_init(fracgyro_state* state) {
     Guard::acted(in(state), coefficients, {force->x, force->y});
 }
 
+#if FRACGYRO_WORDS
+fracgyro_status fracgyro_step_words(fracgyro_state* state, const fracgyro_words* position,
+                                    const fracgyro_words* velocity, fracgyro_words* drive) {
+    using Converters = fracgyro::Converters<Number>;
+    constexpr const Converters::Coefficients& c = fracgyro_exported::converters;
+    const auto q = Converters::motion(c.position, {position->x, position->y});
+    fracgyro_motion motion = {{q.x(), q.y()}, {0, 0}};
+    if (FRACGYRO_VELOCITY_SENSED) {
+        const auto v = Converters::motion(c.velocity, {velocity->x, velocity->y});
+        motion.velocity = {v.x(), v.y()};
+    }
+    fracgyro_vector force;
+    const fracgyro_status status = fracgyro_step(state, &motion, &force);
+    const auto driven = Converters::drive(c, {force.x, force.y}, q);
+    const auto words = driven.words();
+    *drive = {words.x, words.y};
+    if (FRACGYRO_ROUNDED_FORCE_KNOWN) {
+        const fracgyro_vector acting = {driven.force.x(), driven.force.y()};
+        fracgyro_acted(state, &acting);
+    }
+    return status;
+}
+#endif
+
 [[gnu::flatten]] void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report) {
     auto* number = reinterpret_cast<fracgyro_number*>(report);
     fracgyro::for_each_number<fracgyro::Reported::between_steps>(Guard::report(in(state), coefficients),

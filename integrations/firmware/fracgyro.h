@@ -56,6 +56,18 @@ fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* moti
  * filter the motion. Others ignore it. */
 void fracgyro_acted(fracgyro_state* state, const fracgyro_vector* force);
 
+#if FRACGYRO_WORDS
+/* Words of converters on x and y: two's complement, right-aligned. */
+typedef struct {
+    int32_t x, y;
+} fracgyro_words;
+
+/* fracgyro_step and fracgyro_acted between converters: from the words of the ADC to those of the DAC, whose scales are
+ * in fracgyro_coefficients.h. `velocity` may be a null pointer if FRACGYRO_VELOCITY_SENSED is 0. */
+fracgyro_status fracgyro_step_words(fracgyro_state* state, const fracgyro_words* position,
+                                    const fracgyro_words* velocity, fracgyro_words* drive);
+#endif
+
 /* The controller's report before the next step. Does nothing for a controller without a report. */
 void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report);
 

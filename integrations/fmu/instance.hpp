@@ -5,6 +5,7 @@
 
 #include "closed_loop.hpp"
 
+#include "fracgyro/hardware/converters.hpp"
 #include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/hardware/pickoffs.hpp"
 
@@ -193,6 +194,7 @@ public:
         warning_[0] = '\0';
         const Inputs inputs = read_inputs();
         reference_.point = inputs.reference;
+        Vec2<exported::Number> volts{};
         for (double n = 0.0; n < count; ++n) {
             if constexpr (exported::closed_loop) {
                 if (exported::reference_is_input) {
@@ -210,18 +212,52 @@ public:
                 state_.loop.motion = inputs.motion;
                 state_.loop.signals =
                     ExportedController::step(state_.loop.controller, coefficients_.controller, state_.loop.motion);
+                volts = drive(inputs.motion.position);
                 warn(state_.loop.controller);
                 ++state_.loop.step;
             }
         }
         if (!answers_inputs) {
             Loop::write(state_.loop, coefficients_, state_.row.data());
+            if constexpr (exported::in_volts) {
+                state_.row[exported::control] = static_cast<double>(volts.x());
+                state_.row[exported::control + 1] = static_cast<double>(volts.y());
+            }
         }
         return true;
     }
 
 private:
     static constexpr bool answers_inputs = exported::closed_loop && exported::reference_is_input;
+
+    // The driver's voltages for the force. A controller that filters the motion receives the force that they mean, as
+    // in a simulation.
+    Vec2<exported::Number> drive([[maybe_unused]] const Vec2<exported::Number>& position) {
+        if constexpr (!exported::in_volts) {
+            return {};
+        } else {
+            using Driver = Converters<exported::Number>;
+            constexpr auto number = [](double value) { return static_cast<exported::Number>(value); };
+            constexpr auto two = [](std::size_t first) {
+                return Vec2<exported::Number>{number(exported::driver[first]), number(exported::driver[first + 1])};
+            };
+            constexpr auto three = [](std::size_t first) {
+                return Sym2<exported::Number>{number(exported::driver[first]), number(exported::driver[first + 1]),
+                                              number(exported::driver[first + 2])};
+            };
+            const typename Driver::Coefficients c{.per_force = three(0),
+                                                  .force = three(3),
+                                                  .reach = two(6),
+                                                  .step = two(8),
+                                                  .levels = two(10),
+                                                  .per_gap = two(12)};
+            const auto driven = Driver::drive(c, state_.loop.signals.force, position);
+            if constexpr (exported::knows_rounding) {
+                ExportedController::acted(state_.loop.controller, coefficients_.controller, driven.force);
+            }
+            return driven.volts;
+        }
+    }
 
     // One step of a loop whose reference is known only now: first the sample, whose values are the outputs, then the
     // motion to the next.

@@ -25,6 +25,7 @@ from fracgyro.cli import cli
 from fracgyro.export import settings
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, Reference
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
+from fracgyro.scenario.volts_core import at_bias
 from nightly import nightly_unless
 from shared import shared
 
@@ -786,3 +787,49 @@ def test_in_float_it_follows_double_closely_and_is_another_fmu(made: Callable[..
     assert 0 < np.abs(position - expected).max() < 1e-3
     guids = {fmpy.read_model_description(p).guid for p in (str(path), made(SHORT))}
     assert len(guids) == 2, "a saved state of one does not fit the other"
+
+
+@pytest.mark.parametrize("linearized", [True, False])
+def test_a_controller_in_volts_answers_amplifiers_with_the_voltages_of_the_drivers(
+    tmp_path: Path, linearized: bool
+) -> None:
+    changes = {"electronics.linearized": linearized, "run.duration": 25.0, "run.record_every": 1}
+    scenario = fg.Scenario.shipped("dual_mass_volts").replace(changes)
+    run, scales = fg.simulate(scenario), scenario.plant.scales
+    at, capacitance = at_bias(scenario), scenario.electronics.feedback_capacitance
+    outputs = run["measured_position"].values * (at.charge[[0, 2]] * scales.length / capacitance)
+    drives = run["applied_control"].values * (scales.force / at.gain[[0, 2]])
+    fg.export.fmu(scenario, tmp_path / "volts.fmu", content="controller", units="V")
+    assert validate_fmu(str(tmp_path / "volts.fmu")) == []
+    fmu = Instance(str(tmp_path / "volts.fmu"), tmp_path).start()
+    assert {v.name: v.unit for v in fmu.description.modelVariables if v.causality == "input"} == {
+        "position.x": "V",
+        "position.y": "V",
+    }
+    step, code, found = scenario.run.step * scales.time, 20.0 / 2**16, []
+    for n in range(len(outputs)):
+        fmu.set("position.x", outputs[n, 0])
+        fmu.set("position.y", outputs[n, 1])
+        fmu.step(n * step, step)
+        found.append([fmu.get("control.x"), fmu.get("control.y")])
+    assert np.abs(drives).max() > 0.3
+    np.testing.assert_allclose(found, drives, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.divide(found, code), np.round(np.divide(found, code)), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"electrodes": []}, r"^electrodes of role force are missing: in units \"V\" a scenario must have them"),
+        ({"electronics.amplifier": "ideal"}, r"^electronics\.amplifier is ideal: in units \"V\" it must be charge"),
+    ],
+)
+def test_units_of_volts_need_drivers_and_amplifiers(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    scenario = fg.Scenario.shipped("dual_mass_volts").replace(changes)
+    with pytest.raises(fg.ScenarioError, match=message):
+        fg.export.fmu(scenario, tmp_path / "x.fmu", content="controller", units="V")
+
+
+def test_a_closed_loop_has_no_units_of_volts(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r'^units is "V": it must be None for a closed loop'):
+        fg.export.fmu(SHORT, tmp_path / "x.fmu", units="V")

@@ -72,6 +72,7 @@ def web_command(scenario: str, out: Path, unbounded: bool) -> None:
 @click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")
 @click.option("--macos", is_flag=True, help="Add a binary for macOS to that for Linux; needs ziglang.")
 @number_option("double")
+@click.option("--units", type=click.Choice(["V"]), help="With --controller: voltages for positions and forces.")
 @unbounded_option
 def fmu_command(
     scenario: str,
@@ -83,6 +84,7 @@ def fmu_command(
     windows: bool,
     macos: bool,
     number: Number,
+    units: Literal["V"] | None,
     unbounded: bool,
 ) -> None:
     """Export SCENARIO as an FMU: the closed loop, for co-simulation in Simulink, OpenModelica and others."""
@@ -101,10 +103,12 @@ def fmu_command(
         fmi=fmi,
         systems=systems,
         number=number,
+        units=units,
         unbounded=unbounded,
     )
     words = ["controller" if controller else "closed loop", *(["reference as input"] if reference == "input" else [])]
     words += [f"FMI {fmi}", *(["float"] if number == "float" else [])]
+    words += ["in volts"] if units else []
     click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
 
 

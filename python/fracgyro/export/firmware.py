@@ -16,6 +16,7 @@ from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
 from ..scenario.scales import si_unit
 from ..scenario.to_core import check_single, core_numbers, core_setup, is_plain
 from .compilers import SOURCES, Number
+from .converters import converters
 from .course import course
 from .initializers import initializer, list_text
 from .settings import check_gyroscope, columns
@@ -75,6 +76,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "full": (1, "fracgyro_motion must have it"),
         "position": (0, "the velocity in fracgyro_motion is ignored"),
     }[scenario.device.sensing]
+    words = converters(scenario, number)
     made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
     lines = [
         f"/* Made by `fracgyro export firmware`: {made}.",
@@ -93,6 +95,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         *_report(channels),
         "",
         f"#define FRACGYRO_VELOCITY_SENSED {velocity} /* {meaning} */",
+        *words.definitions,
         *_counted(scenario),
         "",
         "/* Stiffness of the assumed plant: xx, xy, yy, nondimensional. */",
@@ -105,6 +108,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         '#include "fracgyro/hardware/guard.hpp"',
         '#include "fracgyro/control/course.hpp"',
         '#include "fracgyro/controllers/registry.hpp"',
+        *words.includes,
         '#include "fracgyro/hardware/pickoffs.hpp"',
         "",
         "// Unnamed, so that two exported controllers can be linked into one program.",
@@ -116,6 +120,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         *([] if is_plain(scenario) else course(scenario)),
         "// In the order of the fields of Coefficients; omitted ones are 0.",
         f"constexpr fracgyro::Guard<Controller>::Coefficients coefficients = {values};",
+        *words.constants,
         "",
         "}  // namespace",
         "}  // namespace fracgyro_exported",

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from .. import _core
 from ..extras import needs
@@ -30,6 +30,7 @@ from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, SINE_DRIVES, report
 from ..scenario.terms import first_part, term_list
 from ..scenario.to_core import check_single, core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
+from .converters import amplifier_volts, driver
 from .settings import (
     check_rounding,
     columns,
@@ -37,6 +38,7 @@ from .settings import (
     core_numbers,
     device_numbers,
     device_settings,
+    knows_rounding,
     meaning,
     reference_lists,
     sensing,
@@ -50,6 +52,7 @@ Content = Literal["loop", "controller"]
 Fmi = Literal["2.0", "3.0"]
 System = Literal["linux", "linux-arm", "windows", "macos"]
 Reference = Literal["scenario", "input"]
+Units = Literal["V"]
 Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
 MAX_DOUBLE = sys.float_info.max  # replaces infinity, which some importers cannot read
@@ -122,6 +125,7 @@ def fmu(
     fmi: Fmi = "2.0",
     systems: Sequence[System] = ("linux",),
     number: Number = "double",
+    units: Units | None = None,
     unbounded: bool = False,
 ) -> None:
     """Writes a scenario as an FMU for co-simulation. Requires the extra export and a C++ compiler.
@@ -129,13 +133,16 @@ def fmu(
     `content`: the closed loop, "loop", or only the "controller". `reference`: that of the "scenario", or
     position, velocity and acceleration as an "input". `fmi`: "2.0" or "3.0". `systems`: any of linux, linux-arm (64
     bit), windows and macos; other systems than this one require ziglang. `number`: internal number type, "double" or
-    "float"; the importer sees doubles. `unbounded`: export even if the bound estimates may grow until the loop
-    diverges. The file is complete or absent.
+    "float"; the importer sees doubles. `units`: those of `run.units`, or "V" for a controller of a device with
+    [[electrodes]], which is in SI and has as inputs the outputs of the charge amplifiers, V, for positions, and as
+    outputs the voltages of the drivers, in steps of their converters, for forces. `unbounded`: export even if the bound
+    estimates may grow until the loop diverges. The file is complete or absent.
 
-    Raises ScenarioError if the reference is an input of a controller that drives a sine of its own. Raises ValueError
-    if a compiler or FMPy is missing, the seed is too large for an FMU, the file cannot be written, float is requested
-    for a dynamic rate or device imperfections, a coefficient exceeds float, or the controller may become unbounded
-    without `unbounded`.
+    Raises ScenarioError if the reference is an input of a controller that drives a sine of its own, and in `units` "V"
+    without drivers or charge amplifiers along x and y. Raises ValueError if `units` "V" are those of a closed loop, a
+    compiler or FMPy is missing, the seed is too large for an FMU, the file cannot be written, float is requested for a
+    dynamic rate or device imperfections, a coefficient exceeds float, or the controller may become unbounded without
+    `unbounded`.
 
     >>> fg.export.fmu(fg.Scenario.shipped("hardware"), "gyro.fmu")  # doctest: +SKIP
     """
@@ -145,9 +152,16 @@ def fmu(
             f"controller.kind is {scenario.controller.kind}, which drives the sine of its scenario: it must be another "
             "if the reference is an input"
         )
+    volts = None
     if content == "controller":
-        check_rounding(scenario)
+        if units is None:
+            check_rounding(scenario)
+        else:
+            scenario = scenario.replace({"run.units": "SI"})
+            volts = _Volts.of(scenario)
         scenario = without_plant(scenario)
+    elif units is not None:
+        raise ValueError('units is "V": it must be None for a closed loop, whose signals are those of its plant')
     ideal = content == "controller" or is_ideal(scenario)
     if number == "float" and not ideal:
         raise ValueError(
@@ -155,9 +169,9 @@ def fmu(
         )
     if number == "float":
         check_single(scenario)
-    variables = list(_variables(scenario, content, reference, fmi))
-    token = _token(scenario, content, reference, fmi, number)
-    header = _header(scenario, content, reference, number, token, variables)
+    variables = list(_variables(scenario, content, reference, fmi, volts))
+    token = _token(scenario, content, reference, fmi, number, volts)
+    header = _header(scenario, content, reference, number, token, variables, volts)
     description = _description(scenario, content, fmi, token, variables)
     with whole_file(path, replaces="nothing") as scratch, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -172,17 +186,43 @@ def fmu(
                 archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
 
 
-def _variables(scenario: Scenario, content: Content, reference: Reference, fmi: Fmi) -> Iterator[Variable]:
+class _Volts(NamedTuple):
+    """A controller between voltages."""
+
+    amplifiers: tuple[float, float]  #: outputs for a unit of length
+    driver: list[float]  #: numbers in the core's order, without those of the ADC
+    knows_rounding: bool
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> _Volts:
+        needed = 'in units "V"'
+        if not scenario.electrodes.of("force"):
+            raise ScenarioError(f"electrodes of role force are missing: {needed} a scenario must have them")
+        if (amplifiers := amplifier_volts(scenario)) is None:
+            raise ScenarioError(
+                f"electronics.amplifier is {scenario.electronics.amplifier}: {needed} it must be charge, with a "
+                "feedback_capacitance"
+            )
+        for name, one in scenario.electrodes.named():
+            if one.role == "pickoff" and all(one.axis):
+                raise ScenarioError(f"{name}.angle is {one.angle}: {needed} a pick-off must be along x or y")
+        numbers = [number for each in driver(scenario).numbers().values() for number in each]
+        return cls(amplifiers, numbers, knows_rounding(scenario))
+
+
+def _variables(
+    scenario: Scenario, content: Content, reference: Reference, fmi: Fmi, volts: _Volts | None
+) -> Iterator[Variable]:
     """Variables in the order of their value references."""
     if fmi == "3.0":  # required there; some FMI 2.0 importers read it as a variable without start value
         yield Variable("time", "time", unit=_shown("1/omega0", scenario)[1], description="Time.")
     without = {"plant", "disturbance"} if content == "controller" else set()
     yield from _parameters(scenario, content, without | ({"reference"} if reference == "input" else set()))
     if content == "controller":
-        yield from _inputs(scenario)
+        yield from _inputs(scenario, volts)
     if reference == "input":
         yield from _reference_inputs(scenario)
-    yield from _outputs(scenario, content)
+    yield from _outputs(scenario, content, volts)
 
 
 def _parameters(scenario: Scenario, content: Content, without: set[str]) -> Iterator[Variable]:
@@ -207,12 +247,14 @@ def _parameters(scenario: Scenario, content: Content, without: set[str]) -> Iter
         yield Variable(s.name, ROLES[n.settable], places[s.name], start, s.scale, unit(n), meaning(n) + note, *limits)
 
 
-def _inputs(scenario: Scenario) -> Iterator[Variable]:
+def _inputs(scenario: Scenario, volts: _Volts | None) -> Iterator[Variable]:
     names = INPUTS[:1] if scenario.device.sensing == "position" else INPUTS
     measured = [(name, c) for c in LOOP_CHANNELS if c.name in names for name in columns(c)]
     for place, (name, channel) in enumerate(measured):
         scale, symbol = _shown(channel.units[0], scenario)
         said = f"{channel.meaning}, measured"
+        if volts and channel.name == "position":
+            scale, symbol, said = volts.amplifiers[place], "V", f"{said}: output of the charge amplifier"
         yield Variable(name, "input", place, scale=scale, unit=symbol, description=said)
 
 
@@ -226,14 +268,17 @@ def _reference_inputs(scenario: Scenario) -> Iterator[Variable]:
             place += 1
 
 
-def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
+def _outputs(scenario: Scenario, content: Content, volts: _Volts | None) -> Iterator[Variable]:
     place = 0
     device = DEVICE_CHANNELS if content == "loop" and not is_ideal(scenario) else ()
     for channel in (*LOOP_CHANNELS, *reported_channels(core_setup(scenario)), *device):
         for part, name in enumerate(columns(channel)):
             scale, symbol = _shown(channel.units[part % len(channel.units)], scenario)
+            said = channel.meaning
+            if volts and channel.name == "control":
+                scale, symbol, said = 1.0, "V", "voltage of the driver"
             if content == "loop" or channel.name not in NOT_OF_THE_CONTROLLER:
-                yield Variable(name, "output", place, scale=scale, unit=symbol, description=channel.meaning)
+                yield Variable(name, "output", place, scale=scale, unit=symbol, description=said)
             place += 1
 
 
@@ -242,9 +287,13 @@ def _shown(unit: str, scenario: Scenario) -> tuple[float, str]:
     return scale_and_unit(unit, scenario.plant.scales, scenario.run.units == "SI")
 
 
-def _token(scenario: Scenario, content: Content, reference: Reference, fmi: Fmi, number: Number) -> str:
+def _token(
+    scenario: Scenario, content: Content, reference: Reference, fmi: Fmi, number: Number, volts: _Volts | None
+) -> str:
     """Token that links binary and description: in GUID form, equal for equal FMUs."""
     made_from = f"fracgyro {version('fracgyro')} {content} {reference} {fmi} {number}\n{scenario.to_toml()}"
+    if volts:
+        made_from += f"\n{volts}"
     digest = hashlib.sha256(made_from.encode()).hexdigest()
     return "{" + "-".join([digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]]) + "}"
 
@@ -256,6 +305,7 @@ def _header(
     number: Number,
     token: str,
     variables: Sequence[Variable],
+    volts: _Volts | None,
 ) -> str:
     poles, weights = core_kernel(scenario)
     kind, chosen = _core.chosen_type(core_setup(scenario))
@@ -285,6 +335,10 @@ def _header(
         f"inline constexpr std::array sensing{{{', '.join(map(_cpp, sensing(scenario)))}}};",
         f"inline constexpr bool ideal = {_cpp(ideal)};",
         _array("numbers", [*core_numbers(scenario).values(), *(() if ideal else device_numbers(scenario).values())]),
+        f"inline constexpr bool in_volts = {_cpp(volts is not None)};",
+        f"inline constexpr bool knows_rounding = {_cpp(volts is not None and volts.knows_rounding)};",
+        f"inline constexpr std::size_t control = {next(v.place for v in variables if v.name == 'control.x')};",
+        _array("driver", volts.driver if volts else []),
         _array("poles", poles),
         _array("weights", weights),
         _array("reference_terms", terms),

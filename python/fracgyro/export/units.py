@@ -6,7 +6,7 @@ from ..scenario.scales import ANGLE, NAMED, Scales, powers, si_unit
 from ..scenario.schema import Plant
 from ..scenario.units import BASE, parse
 
-SI = {_name.replace(" ", "."): _name for _name in (*NAMED.values(), ANGLE)}  # FMI's spelling
+SI = {_name.replace(" ", "."): _name for _name in (*NAMED.values(), ANGLE, "V")}  # FMI's spelling
 
 
 def scale_and_unit(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
