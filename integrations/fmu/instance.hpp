@@ -236,14 +236,12 @@ private:
         if constexpr (!exported::in_volts) {
             return {};
         } else {
-            using Driver = Converters<exported::Number>;
-            constexpr auto number = [](double value) { return static_cast<exported::Number>(value); };
-            constexpr auto two = [](std::size_t first) {
-                return Vec2<exported::Number>{number(exported::driver[first]), number(exported::driver[first + 1])};
-            };
-            constexpr auto three = [](std::size_t first) {
-                return Sym2<exported::Number>{number(exported::driver[first]), number(exported::driver[first + 1]),
-                                              number(exported::driver[first + 2])};
+            using Number = exported::Number;
+            using Driver = Converters<Number>;
+            const auto number = [](std::size_t place) { return static_cast<Number>(exported::driver[place]); };
+            const auto two = [&](std::size_t first) { return Vec2<Number>{number(first), number(first + 1)}; };
+            const auto three = [&](std::size_t first) {
+                return Sym2<Number>{number(first), number(first + 1), number(first + 2)};
             };
             const typename Driver::Coefficients c{.per_force = three(0),
                                                   .force = three(3),

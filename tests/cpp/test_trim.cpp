@@ -50,7 +50,7 @@ Sym2<double> softening(double tuned, double nulled, double fringe = 1.0) {
 struct Trimmed {
     Sym2<double> stiffness{1.0, 0.0, (y_hertz / x_hertz) * (y_hertz / x_hertz)};
     double rate = 10.0 * deg_s, fringe = 1.0, noise = 1.0;
-    double tone = 10.0 * deg_s;  // what the tone pretends
+    double tone = 10.0 * deg_s;  // apparent rate of the tone
     std::size_t lost_every = 0;  // samples
     TrimParams trim{.split = true, .interval = 0.02 * omega0, .frequency = 300.0 * hertz / omega0};
 
@@ -179,7 +179,7 @@ TEST(Trim, NullsTheQuadratureWhileItMatchesTheModes) {
     }
 }
 
-// The quadrature alone, at a split at which the modes stay.
+// Only the quadrature, at a split at which the modes stay.
 TEST(Trim, NullsTheQuadratureAtASplit) {
     Trimmed run{.noise = 0.0};
     run.trim.split = false;

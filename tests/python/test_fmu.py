@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import re
 import struct
 import subprocess
@@ -818,16 +819,21 @@ def test_a_controller_in_volts_answers_amplifiers_with_the_voltages_of_the_drive
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("name", "changes", "message"),
     [
-        ({"electrodes": []}, r"^electrodes of role force are missing: in units \"V\" a scenario must have them"),
-        ({"electronics.amplifier": "ideal"}, r"^electronics\.amplifier is ideal: in units \"V\" it must be charge"),
+        ("dual_mass", {}, r"^electrodes of role force are missing: in units \"V\" a scenario must have them"),
+        (
+            "dual_mass_volts",
+            {"electronics.feedback_capacitance": 0.0, "electronics.feedback_resistance": math.inf},
+            r"^electronics\.amplifier is charge: in units \"V\" it must be charge, with a feedback_capacitance",
+        ),
     ],
 )
-def test_units_of_volts_need_drivers_and_amplifiers(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
-    scenario = fg.Scenario.shipped("dual_mass_volts").replace(changes)
+def test_units_of_volts_need_drivers_and_amplifiers(
+    tmp_path: Path, name: str, changes: dict[str, Any], message: str
+) -> None:
     with pytest.raises(fg.ScenarioError, match=message):
-        fg.export.fmu(scenario, tmp_path / "x.fmu", content="controller", units="V")
+        fg.export.fmu(fg.Scenario.shipped(name).replace(changes), tmp_path / "x.fmu", content="controller", units="V")
 
 
 def test_a_closed_loop_has_no_units_of_volts(tmp_path: Path) -> None:

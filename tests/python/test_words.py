@@ -50,7 +50,7 @@ def words(values: NDArray[Any], step: Any) -> NDArray[np.int64]:
 
 def in_volts(**changes: Any) -> fg.Scenario:
     """Known to have plates on y, whose driver may know that they grow, and a filter that knows the rounded force."""
-    converters = {"device.position_range": [1.5, 1.5], "device.position_bits": ADC, "run.duration": 100.0}
+    converters = {"device.position_range": [7.5e-6, 7.5e-6], "device.position_bits": ADC, "run.duration": 100.0}
     return fg.Scenario.shipped("dual_mass_volts").replace({**converters, "run.record_every": 1, **changes})
 
 
@@ -66,9 +66,12 @@ def test_words_are_those_to_which_a_simulation_rounds(linearized: bool, tmp_path
 
 
 def test_words_of_a_converter_that_gives_the_force_itself(tmp_path: Path) -> None:
-    bits = {"device.position_bits": ADC, "device.velocity_bits": ADC, "device.actuator_bits": 12}
-    ranges = {"device.position_range": [2.0, 2.0], "device.velocity_range": [9.0, 8.0], "device.actuator_limit": 500.0}
-    made = fg.Scenario.shipped("hardware").replace({**bits, **ranges, "run.duration": 2.0, "run.record_every": 1})
+    made = fg.Scenario.shipped("hardware").replace({"run.duration": 2.0, "run.record_every": 1})
+    scales = made.plant.scales
+    device = {"position_bits": ADC, "velocity_bits": ADC, "actuator_bits": 12, "actuator_limit": 500.0 * scales.force}
+    device["position_range"] = [2.0 * scales.length] * 2
+    device["velocity_range"] = [9.0 * scales.velocity, 8.0 * scales.velocity]
+    made = made.replace({f"device.{name}": value for name, value in device.items()})
     run = fg.simulate(made)
     position = words(run["measured_position"].values, 2.0 / 2 ** (ADC - 1))
     velocity = words(run["measured_velocity"].values, np.array([9.0, 8.0]) / 2 ** (ADC - 1))
@@ -77,11 +80,14 @@ def test_words_of_a_converter_that_gives_the_force_itself(tmp_path: Path) -> Non
     found = answers(made, np.column_stack([position, velocity]), tmp_path / "firmware")
     np.testing.assert_array_equal(found[:, 1:], wanted)
     single = answers(made, np.column_stack([position, velocity]), tmp_path / "float", "float")
-    assert np.abs(single[:, 1:] - wanted).max() <= 1
+    controller, step = fg.Controller(made, single_precision=True), np.float32(500.0 / 2**11)
+    for n, motion in enumerate(zip(run["measured_position"].values, run["measured_velocity"].values, strict=True)):
+        force = controller.step(controller.time, *motion).astype(np.float32)
+        assert single[n, 1:].tolist() == np.clip(np.rint(force / step), -2048, 2047).tolist()
 
 
 def test_a_word_beyond_the_gap_gives_words_within_the_range(tmp_path: Path) -> None:
-    made = in_volts(**{"electronics.linearized": True, "device.position_range": [100.0, 100.0]})
+    made = in_volts(**{"electronics.linearized": True, "device.position_range": [1e-3, 1e-3]})
     rows = np.zeros((40, 4), dtype=np.int64)
     rows[10:30, :2] = [2 ** (ADC - 1) - 1, -(2 ** (ADC - 1))]
     found = answers(made, rows, tmp_path / "firmware")

@@ -20,10 +20,10 @@ struct Converters {
         std::int32_t x = 0, y = 0;
     };
     struct Coefficients {
-        Vec2<T> position{}, velocity{};     // of one step of the ADC
+        Vec2<T> position{}, velocity{};     // one step of the ADC
         Sym2<T> per_force{}, force{};       // volts per force, and force per volt; 1 if the DAC gives the force
-        Vec2<T> reach{}, step{}, levels{};  // of the DAC, V: its range, one step, and steps in the range; 0: no steps
-        Vec2<T> per_gap{};                  // of a driver that knows how plates grow with X: X per length; otherwise 0
+        Vec2<T> reach{}, step{}, levels{};  // DAC, V: its range, one step, and steps in the range; 0: no steps
+        Vec2<T> per_gap{};                  // X per length, if the driver knows how plates grow with X; otherwise 0
     };
     struct Drive {
         Vec2<T> codes{}, volts{}, force{};  // `force`: what the voltages are meant to be

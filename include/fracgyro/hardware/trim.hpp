@@ -1,9 +1,9 @@
 // Trim: voltages of the tuning and quadrature electrodes, adjusted while any controller runs. It matches the modes, so
 // that the sense axis is at a given split from the drive's frequency, and nulls the quadrature.
 //
-//    The quadrature electrodes' voltage has a small tone, v + Δv cos ψ with ψ = ω_t t, so that kxy shakes the sense axis
-//    at θ ± ψ. θ is the phase of the vibration on x, of a phase-locked loop of its own. X, Y and U are the phasors of x,
-//    y and the force asked of y, over an interval:
+//    The quadrature electrodes' voltage has a small tone, v + Δv cos ψ with ψ = ω_t t, so that kxy shakes the sense
+//    axis at θ ± ψ. θ is the phase of the vibration on x, of a phase-locked loop of its own. X, Y and U are the phasors
+//    of x, y and the force asked of y, over an interval:
 //
 //        k̂_yy = ν² + Re((H U + s M)/Y)              ν = ω̂ ± ω_t        M = ½ c Δv X e^(∓jω_t h/2) (1 - ω_t²h²/24)
 //        k̂_xy = Re((H U - (k̂_yy - ω̂²) Y)/X)        at θ               H = e^(-jνλ) (1 - ν²h²/24)
@@ -11,11 +11,11 @@
 //        V² ← V² + g (k̂_yy - (ω̂ + δ)²)/k₁        v ← v + g k̂_xy/(s c)
 //
 //    k₁ is what the tuning electrodes take off k_yy per V², c what a volt of the quadrature electrodes takes off k_xy,
-//    as designed. The two sidebands give k̂_yy and s, the true c over that; unless s is between ½ and 2, the sense axis
-//    does not answer the tone, and nothing is changed. λ: half a step, the delay and the lag of the datasheet. The first
-//    eighth of an interval, in which the last change dies out, is not read; the rest is weighted by a whole number of
-//    periods of the tone, smoothed by half a cosine of another eighth. ω_t is to be above the bandwidth at which the
-//    controller reads the rate.
+//    as designed. The two sidebands give k̂_yy and s, the true c over that; unless s is between ½ and 2, the sense
+//    axis does not answer the tone, and nothing is changed. λ: half a step, the delay and the lag of the datasheet. The
+//    first eighth of an interval, in which the last change dies out, is not read; the rest is weighted by a whole
+//    number of periods of the tone, smoothed by half a cosine of another eighth. ω_t is to be above the bandwidth at
+//    which the controller reads the rate.
 //
 // Source: the tone: Micromachines 2018, 9, 511 (abstract read); the equations are this project's (EQUATIONS.md).
 #pragma once
@@ -27,14 +27,14 @@ namespace fracgyro {
 
 // Nondimensional but for voltages.
 struct TrimParams {
-    bool split = false, quadrature = false;                 // what is adjusted
+    bool split = false, quadrature = false;                 // quantities to adjust
     double interval = 0.0, gain = 0.7;                      // between changes
     double modulation = 0.0, frequency = 0.0;               // Δv, ω_t
     double target = 0.0;                                    // δ
     double per_square = 0.0, per_volt = 0.0;                // k₁, c, as designed
     double tuning = 0.0, nulling = 0.0;                     // V and v at the start
     double most = std::numeric_limits<double>::infinity();  // largest |voltage|
-    double lag = 0.0;                                       // of readings and forces, with delays
+    double lag = 0.0;                                       // readings and forces, with delays
 };
 
 // Voltages of the tuning and quadrature electrodes.
@@ -53,7 +53,7 @@ struct Trim {
         typename Loop::Coefficients loop{};
         bool split = false, quadrature = false;
         std::uint64_t settling = 0, ramp = 1, interval = 1;  // steps
-        std::uint64_t per_step = 0, half_ramp_step = 0;      // of ψ, and of half a turn along a ramp, in 2^-64 turns
+        std::uint64_t per_step = 0, half_ramp_step = 0;      // phases of ψ and of a ramp, 2^-64 turns
         T per_sum{}, per_read{};
         T modulation{}, tone{}, gain_square{}, gain_volt{}, half_volt{};  // Δv, ω_t, g/k₁, g/c, ½ c Δv
         T target{}, most{}, lead{}, step_square{}, least{};               // δ, λ, h²/24, the smallest |X|²
@@ -111,8 +111,8 @@ struct Trim {
         state.nulling = T(p.nulling);
         return state;
     }
-    // After a controller's step, with the position that it measured and the force that it asks for; returns the voltages
-    // from here on. Without a measurement the interval begins again.
+    // After a controller's step, with the position that it measured and the force that it asks for; returns the
+    // voltages from here on. Without a measurement the interval begins again.
     static TrimVolts<T> step(State& state, const Coefficients& c, const Vec2<T>& position, const Vec2<T>& force,
                              bool missing = false) {
         const SineCosine<T> tone = Phase::sine_cosine(state.tone);

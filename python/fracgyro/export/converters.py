@@ -19,7 +19,7 @@ MOST_BITS = {"float": 23, "double": 32}  # words that are exact in the number ty
 
 
 class Driver(NamedTuple):
-    """What makes the force that a controller asks for, on x and y. Voltages are forces if there are no electrodes."""
+    """Source of the force that a controller asks for, on x and y. Voltages are forces if there are no electrodes."""
 
     bits: tuple[int, int]  #: 0: no converter
     reach: tuple[float, float]  #: largest voltage
@@ -69,7 +69,7 @@ def amplifier_volts(scenario: Scenario) -> tuple[float, float] | None:
 
 
 class Lines(NamedTuple):
-    """Of the header with the coefficients of firmware."""
+    """Text for the header with the coefficients of firmware."""
 
     definitions: list[str]
     includes: list[str]
