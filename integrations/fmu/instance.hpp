@@ -232,6 +232,7 @@ private:
 
     // The driver's voltages for the force. A controller that filters the motion receives the force that they mean, as
     // in a simulation.
+    template <class C = ExportedController>
     Vec2<exported::Number> drive([[maybe_unused]] const Vec2<exported::Number>& position) {
         if constexpr (!exported::in_volts) {
             return {};
@@ -251,7 +252,7 @@ private:
                                                   .per_gap = two(12)};
             const auto driven = Driver::drive(c, state_.loop.signals.force, position);
             if constexpr (exported::knows_rounding) {
-                ExportedController::acted(state_.loop.controller, coefficients_.controller, driven.force);
+                C::acted(state_.loop.controller, coefficients_.controller, driven.force);
             }
             return driven.volts;
         }
