@@ -6,7 +6,9 @@
 #include "fracgyro/plant/electrodes.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 
+#include <array>
 #include <cmath>
+#include <complex>
 #include <numbers>
 #include <random>
 
@@ -188,6 +190,88 @@ TEST(Trim, NullsTheQuadratureAtASplit) {
     const auto found = run(10);
     EXPECT_NEAR(found.coupling[9], 0.0, 0.01);
     EXPECT_NEAR(found.split[9], y_hertz - x_hertz, 0.5);
+}
+
+// Steady signals of a sense axis whose held force and whose tone are exact: Y (k - ν² + jνd) = H U + s M.
+struct Steady {
+    using Complex = std::complex<double>;
+    double stiffness = 1.1, coupling = 0.02, share = 1.3, amplitude = 1.0;
+    double late = 0.0;  // by which readings are, beyond half a step
+    TrimParams p{.split = true,
+                 .quadrature = true,
+                 .interval = 4000.0,
+                 .modulation = 0.5,
+                 .frequency = 0.1,
+                 .per_square = 0.01,
+                 .per_volt = 0.02,
+                 .tuning = 5.0,
+                 .nulling = -2.0};
+
+    TrimVolts<double> operator()() const {
+        constexpr double h = 0.3, damping = 0.01;
+        constexpr Complex j{0.0, 1.0};
+        Common common{.step = h};
+        common.reference = {.amplitude = {1.0, 1.0}, .frequency = {1.0, 1.0}};
+        const auto c = Trim<double>::prepare(p, common);
+        const auto sinc = [](double x) { return x == 0.0 ? 1.0 : std::sin(x) / x; };
+        const Complex x = -j * amplitude;
+        const std::array<double, 3> sides{0.0, p.frequency, -p.frequency};
+        const std::array<Complex, 3> force{Complex{0.01, 0.02}, {0.003, -0.001}, {-0.002, 0.004}};
+        std::array<Complex, 3> y{};
+        for (std::size_t i = 0; i < 3; ++i) {
+            const double nu = 1.0 + sides[i];
+            const Complex held = std::exp(-j * nu * (0.5 * h + late)) * sinc(0.5 * nu * h) * force[i];
+            const Complex hold = std::exp(-j * sides[i] * 0.5 * h) * sinc(0.5 * sides[i] * h);
+            const Complex pushed = i == 0 ? -coupling * x : 0.5 * share * p.per_volt * p.modulation * x * hold;
+            y[i] = (held + pushed) / (stiffness - nu * nu + j * nu * damping);
+        }
+        auto state = Trim<double>::start(p);
+        TrimVolts<double> volts{};
+        for (std::uint64_t n = 0; n < c.interval; ++n) {
+            const double t = static_cast<double>(n) * h;
+            Complex position{}, asked{};
+            for (std::size_t i = 0; i < 3; ++i) {
+                const Complex turned = std::exp(j * (1.0 + sides[i]) * t);
+                position += y[i] * turned;
+                asked += force[i] * turned;
+            }
+            const double at = std::real(x * std::exp(j * t));
+            volts = Trim<double>::step(state, c, {at, position.real()}, {0.0, asked.real()});
+        }
+        return {.tuning = volts.tuning, .nulling = state.nulling};
+    }
+};
+// The change by one interval, in units of what it corrects.
+TEST(Trim, SolvesTheEquationsOfSteadySignals) {
+    Steady s;
+    s.p.gain = 0.5;
+    const double split = 0.5 * (1.1 - 1.0) / 0.01, quadrature = 0.5 * 0.02 / (1.3 * 0.02);
+    auto found = s();
+    EXPECT_NEAR(found.tuning * found.tuning - 25.0, split, 1e-3 * split);
+    EXPECT_NEAR(found.nulling + 2.0, quadrature, 1e-3 * quadrature);
+    s.late = s.p.lag = 0.4;
+    found = s();
+    EXPECT_NEAR(found.tuning * found.tuning - 25.0, split, 1e-3 * split);
+    EXPECT_NEAR(found.nulling + 2.0, quadrature, 1e-3 * quadrature);
+    for (const double share : {0.4, 2.1, -1.0}) {
+        s.share = share;
+        EXPECT_EQ(s().tuning, 5.0) << share;
+    }
+    s.share = 1.3;
+    s.amplitude = 0.45;
+    EXPECT_EQ(s().tuning, 5.0) << "x does not vibrate";
+}
+TEST(Trim, KeepsItsVoltagesWithinTheirRange) {
+    Steady s;
+    s.stiffness = 2.0;  // the sidebands reach 1.21
+    auto found = s();
+    EXPECT_NEAR(found.tuning * found.tuning - 25.0, 0.7 * 0.21 / 0.01, 0.01);
+    s.p.most = 5.1;
+    found = s();
+    EXPECT_NEAR(found.tuning, 5.1, 1e-12);
+    s.stiffness = 0.5;
+    s.p.tuning = 1.0;
+    EXPECT_EQ(s().tuning, 0.0);
 }
 
 TEST(Trim, ChangesNothingThatItDoesNotKnow) {

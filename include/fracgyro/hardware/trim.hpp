@@ -6,16 +6,16 @@
 //    of x, y and the force asked of y, over an interval:
 //
 //        k̂_yy = ν² + Re((H U + s M)/Y)              ν = ω̂ ± ω_t        M = ½ c Δv X e^(∓jω_t h/2) (1 - ω_t²h²/24)
-//        k̂_xy = Re((H U - (k̂_yy - ω̂²) Y)/X)        at θ               H = e^(-jνλ) (1 - ν²h²/24)
+//        k̂_xy = Re((H U - (k̂_yy - ω̂² + jω̂d̂) Y)/X)  at θ               H = e^(-jνλ) (1 - ν²h²/24)
 //
 //        V² ← V² + g (k̂_yy - (ω̂ + δ)²)/k₁        v ← v + g k̂_xy/(s c)
 //
 //    k₁ is what the tuning electrodes take off k_yy per V², c what a volt of the quadrature electrodes takes off k_xy,
-//    as designed. The two sidebands give k̂_yy and s, the true c over that; unless s is between ½ and 2, the sense
-//    axis does not answer the tone, and nothing is changed. λ: half a step, the delay and the lag of the datasheet. The
-//    first eighth of an interval, in which the last change dies out, is not read; the rest is weighted by a whole
-//    number of periods of the tone, smoothed by half a cosine of another eighth. ω_t is to be above the bandwidth at
-//    which the controller reads the rate.
+//    as designed. The two sidebands give k̂_yy, s, the true c over that, and d̂ as the imaginary part over ν; unless s
+//    is between ½ and 2, the sense axis does not answer the tone, and nothing is changed. λ: half a step, the delay and
+//    the lag of the datasheet. The first eighth of an interval, in which the last change dies out, is not read; the
+//    rest is weighted by a whole number of periods of the tone, smoothed by half a cosine of another eighth. ω_t is to
+//    be above the bandwidth at which the controller reads the rate.
 //
 // Source: the tone: Micromachines 2018, 9, 511 (abstract read); the equations are this project's (EQUATIONS.md).
 #pragma once
@@ -172,9 +172,9 @@ private:
         const SineCosine<T> turn = Phase::sine_cosine(Phase::after(typename Phase::Type{}, -(T(turns) * x)));
         return product(a, {turn.cosine, turn.sine});
     }
-    // Re(a/b)
-    static T real_ratio(const Complex& a, const Complex& b) {
-        return dot(a, b) / maximum(squared_norm(b), T(smallest));
+    // a/b
+    static Complex ratio(const Complex& a, const Complex& b) {
+        return (T(1.0) / maximum(squared_norm(b), T(smallest))) * product(a, conjugate(b));
     }
     static void change(State& state, const Coefficients& c) {
         const T one = T(1.0), per = c.per_sum;
@@ -184,17 +184,22 @@ private:
         const auto acting = [&](std::size_t i, T nu) {
             return (one - nu * nu * c.step_square) * late_by(phasor(state.force[i]), nu * c.lead);
         };
-        // k_yy - ω̂² = known + share · pushed at both sidebands.
-        std::array<T, 2> known{}, pushed{};
+        // k_yy - ω̂² + jνd = known + share · pushed at both sidebands.
+        std::array<Complex, 2> known{}, pushed{};
+        std::array<T, 2> per_frequency{};
         for (std::size_t i = 0; i < 2; ++i) {
             const T side = i == 0 ? c.tone : -c.tone, nu = omega + side;
             const Complex y = phasor(state.y[i + 1]);
-            known[i] = side * (omega + nu) + real_ratio(acting(i + 1, nu), y);
-            pushed[i] = c.half_volt * real_ratio(product(x, i == 0 ? c.late : conjugate(c.late)), y);
+            known[i] = Complex{side * (omega + nu), T(0.0)} + ratio(acting(i + 1, nu), y);
+            pushed[i] = c.half_volt * ratio(product(x, i == 0 ? c.late : conjugate(c.late)), y);
+            per_frequency[i] = T(0.5) / nu;
         }
-        const T share = (known[1] - known[0]) / (pushed[0] - pushed[1]);
-        const T excess = T(0.5) * ((known[0] + known[1]) + share * (pushed[0] + pushed[1]));
-        const T coupling = real_ratio(acting(0, omega) - excess * phasor(state.y[0]), x);
+        const T share = (known[1].x() - known[0].x()) / (pushed[0].x() - pushed[1].x());
+        const std::array<Complex, 2> both{known[0] + share * pushed[0], known[1] + share * pushed[1]};
+        const T excess = T(0.5) * (both[0].x() + both[1].x());
+        const T damping = per_frequency[0] * both[0].y() + per_frequency[1] * both[1].y();
+        const Complex left = product(Complex{excess, omega * damping}, phasor(state.y[0]));
+        const T coupling = ratio(acting(0, omega) - left, x).x();
         // Without a vibration, or without an answer to the tone, nothing is known.
         if (!(c.least < squared_norm(x) && T(0.5) < share && share < T(2.0))) {
             return;
