@@ -5,7 +5,7 @@
 //    axis at θ ± ψ. θ is the phase of the vibration on x, of a phase-locked loop of its own. X, Y and U are the phasors
 //    of x, y and the force asked of y, over an interval:
 //
-//        k̂_yy = ν² + Re((H U + s M)/Y)              ν = ω̂ ± ω_t        M = ½ c Δv X e^(∓jω_t h/2) (1 - ω_t²h²/24)
+//        k̂_yy = ν² + Re((H U + s M)/Y)              ν = ω̂ ± ω_t        M = ½ c Δv X e^(∓jω_t h/2)
 //        k̂_xy = Re((H U - (k̂_yy - ω̂² + jω̂d̂) Y)/X)  at θ               H = e^(-jνλ) (1 - ν²h²/24)
 //
 //        V² ← V² + g (k̂_yy - (ω̂ + δ)²)/k₁        v ← v + g k̂_xy/(s c)
@@ -57,7 +57,7 @@ struct Trim {
         T per_sum{}, per_read{};
         T modulation{}, tone{}, gain_square{}, gain_volt{}, half_volt{};  // Δv, ω_t, g/k₁, g/c, ½ c Δv
         T target{}, most{}, lead{}, step_square{}, least{};               // δ, λ, h²/24, the smallest |X|²
-        Complex late{};                                                   // e^(-jω_t h/2) (1 - ω_t²h²/24)
+        Complex late{};                                                   // e^(-jω_t h/2)
     };
     // Sums of x, y and the force on y times e^-j of a phase.
     struct Line {
@@ -81,7 +81,6 @@ struct Trim {
         const std::uint64_t settling = whole(0.125 * p.interval / h), ramp = whole(0.125 * p.interval / h);
         const std::uint64_t periods = whole(0.75 * p.interval * p.frequency / turn);
         const std::uint64_t read = whole(static_cast<double>(periods) * turn / turns + 0.5);
-        const Complex half = turn_of<T>(-0.5 * turns);
         const double amplitude = common.reference.amplitude.x();
         return {.loop = Loop::prepare({}, common),
                 .split = p.split,
@@ -103,7 +102,7 @@ struct Trim {
                 .lead = T(0.5 * h + p.lag),
                 .step_square = T(h * h / 24.0),
                 .least = T(0.25 * amplitude * amplitude),
-                .late = T(1.0 - turns * turns / 24.0) * half};
+                .late = turn_of<T>(-0.5 * turns)};
     }
     static State start(const TrimParams& p) {
         State state{};
