@@ -29,11 +29,19 @@ def start(name: str, seed: str, options: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
 
+def said(name: str, fuzzer: subprocess.Popen[str]) -> list[str]:
+    """Its counts, a line for each target; a fuzzer without any has failed itself."""
+    lines = [line.strip() for line in fuzzer.communicate()[0].splitlines()]
+    if not lines:
+        raise SystemExit(f"{name} ended with code {fuzzer.returncode} and without counts")
+    return lines
+
+
 def main() -> None:
     seconds, seed = (*sys.argv[1:], *("900", "1")[len(sys.argv) - 1 :])
-    side_by_side = [start(name, seed, ["--seconds", seconds]) for name in FILES]
-    files = [fuzzer.communicate()[0].strip() for fuzzer in side_by_side]
-    states = [line for name in STATES for line in start(name, seed, STATES[name]).communicate()[0].splitlines()]
+    side_by_side = [(name, start(name, seed, ["--seconds", seconds])) for name in FILES]
+    files = [line for name, fuzzer in side_by_side for line in said(name, fuzzer)]
+    states = [line for name in STATES for line in said(name, start(name, seed, STATES[name]))]
     lines = [
         "# Fuzzing",
         "",

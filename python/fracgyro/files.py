@@ -151,7 +151,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises ValueError if it cannot be written, or `path` exists and is not empty.
     """
     target = Path(os.path.realpath(path))
-    scratch = target.with_name(f".{uuid.uuid4().hex}")
+    scratch = target.parent / f".{uuid.uuid4().hex}"
     try:
         if _exists(path) and (not target.is_dir() or any(target.iterdir())):
             raise ValueError(f"{path} cannot be written: it already exists; name an empty or a new folder")

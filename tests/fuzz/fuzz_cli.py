@@ -40,7 +40,8 @@ TARGETS = ["host", "m4f", "m7", "wasm", "fmu", "lanes", "toaster"]
 def make(rng: random.Random) -> bytes:
     files = {"any.toml": fuzz_scenarios.make(rng).decode("latin-1"), "any.csv": _table(rng), "any.nc": _bytes(rng)}
     files["study.toml"] = mutate.damage(rng, STUDY.encode()).decode("latin-1") if rng.random() < 0.7 else STUDY
-    words = COMMANDS[rng.choices(list(COMMANDS), [50, 5, 9, 6, 3, 8, 8, 4, 3, 1])[0]](rng)
+    (command,) = rng.choices(list(COMMANDS), [WEIGHTS[name] for name in COMMANDS])
+    words = COMMANDS[command](rng)
     for _ in range(rng.choice([0, 0, 0, 0, 1, 2])):
         place = rng.randrange(len(words) + 1)
         word = rng.choice(
@@ -87,7 +88,9 @@ def _simulate(rng: random.Random) -> list[str]:
 def _export(what: str) -> Any:
     def words(rng: random.Random) -> list[str]:
         more = rng.choice([[], [], ["--number", rng.choice(["float", "double", "half"])]]) if what != "web" else []
-        more += ["--fmi", rng.choice(["2.0", "3.0", "9"])] if what == "fmu" else []
+        if what == "fmu":
+            more += ["--fmi", rng.choice(["2.0", "3.0", "9"])]
+            more += rng.choice([[], ["--controller"], ["--controller", "--units", rng.choice(["V", "N"])]])
         return ["export", what, rng.choice(FILES), "--out", rng.choice(OUTS), *more]
 
     return words
@@ -111,6 +114,9 @@ COMMANDS: dict[str, Any] = {
     "zoo": lambda rng: ["zoo", rng.choice(["show", "check", "run"]), rng.choice(FILES)],
     "reproduce": lambda rng: ["reproduce", "--seeds", rng.choice(["0", "1", "-1", "x", "", "1e9"])],
 }
+# How often each is drawn, out of 100; a command without a weight is an error.
+WEIGHTS = {"simulate": 50, "scenario": 5, "web": 9, "firmware": 6, "fmu": 5, "replay": 8, "sweep": 8, "tune": 4}
+WEIGHTS |= {"rate": 3, "zoo": 1, "reproduce": 1}
 
 
 def _furnish(folder: Path) -> None:

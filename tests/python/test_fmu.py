@@ -790,7 +790,7 @@ def test_in_float_it_follows_double_closely_and_is_another_fmu(made: Callable[..
     assert len(guids) == 2, "a saved state of one does not fit the other"
 
 
-@pytest.mark.parametrize("linearized", [True, False])
+@pytest.mark.parametrize("linearized", nightly_unless(bool, [True, False]))
 def test_a_controller_in_volts_answers_amplifiers_with_the_voltages_of_the_drivers(
     tmp_path: Path, linearized: bool
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import random
 import subprocess
 import sys
 from pathlib import Path
@@ -20,3 +22,10 @@ def test_every_input_that_failed_once_works_or_is_refused_in_one_sentence(kind: 
     ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert len(ran.stdout.splitlines()) == len(cases)
+
+
+@pytest.mark.parametrize("kind", ["scenarios", "studies", "cli"])
+def test_fuzzers_make_inputs(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(FUZZ)
+    make = importlib.import_module(f"fuzz_{kind}").make
+    assert len({make(random.Random(seed)) for seed in range(100)}) > 90

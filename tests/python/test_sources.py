@@ -233,6 +233,7 @@ def test_the_list_needs_no_library_and_fails_only_when_asked_to(monkeypatch: pyt
     assert listed.returncode == 0, listed.stderr
     late = sources.behind()
     assert [line.split()[0] for line in listed.stdout.splitlines()[:-1]] == list(late)
+    monkeypatch.setattr(sources, "behind", lambda: late)
     monkeypatch.setattr(sys, "argv", ["sources.py"])
     assert sources.main() == 0
     monkeypatch.setattr(sys, "argv", ["sources.py", "--check"])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fracgyro.export.compilers import FLAGS, Number, compiler
 from fracgyro.scenario.volts_core import at_bias
+from nightly import nightly_unless
 from numpy.typing import NDArray
 
 PROGRAM = """
@@ -54,7 +55,7 @@ def in_volts(**changes: Any) -> fg.Scenario:
     return fg.Scenario.shipped("dual_mass_volts").replace({**converters, "run.record_every": 1, **changes})
 
 
-@pytest.mark.parametrize("linearized", [True, False])
+@pytest.mark.parametrize("linearized", nightly_unless(bool, [True, False]))
 def test_words_are_those_to_which_a_simulation_rounds(linearized: bool, tmp_path: Path) -> None:
     made = in_volts(**{"electronics.linearized": linearized})
     run = fg.simulate(made)

@@ -61,7 +61,9 @@ def format_value(value: Any) -> str:
 
 def message_error(text: str) -> PydanticCustomError:
     """An error inside a validator, already worded in full; `_describe` passes it through."""
-    return PydanticCustomError("message", "{text}", {"text": text})
+    # A file name may hold bytes that are not text, which pydantic cannot show.
+    shown = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return PydanticCustomError("message", "{text}", {"text": shown})
 
 
 class Wrong(str):
