@@ -1,9 +1,9 @@
 // Trim of a force-rebalance gyroscope: matched modes and nulled quadrature.
+#include "dual_mass_electrodes.hpp"
 #include "scalars.hpp"
 
 #include "fracgyro/controllers/conventional.hpp"
 #include "fracgyro/hardware/trim.hpp"
-#include "fracgyro/plant/electrodes.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 
 #include <array>
@@ -15,32 +15,22 @@
 namespace fracgyro::testing {
 namespace {
 
-// shipped/dual_mass.toml, with the tuning plates and the quadrature combs of its source.
+// shipped/dual_mass.toml.
 constexpr double pi = std::numbers::pi, hertz = 2.0 * pi, x_hertz = 3925.29, y_hertz = 3978.45;
 constexpr double omega0 = hertz * x_hertz, mass = 1.58e-6, length = 5e-6, step = 0.05, boltzmann = 1.380649e-23;
 constexpr double deg_s = pi / 180.0 / omega0;
 constexpr ElectrodeScales scales{.force = mass * omega0 * omega0 * length, .length = length};
 
 ElectrodeParams tuning(double volts, double fringe) {
-    return {.role = ElectrodeRole::tuning,
-            .angle = 0.5 * pi,
-            .count = 150,
-            .gap = 4e-6,
-            .area = 60e-6 * 200e-6,
-            .fringe = fringe,
-            .bias = volts};
+    ElectrodeParams p = tuning_plates(volts);
+    p.angle = 0.5 * pi;
+    p.fringe = fringe;
+    return p;
 }
 ElectrodeParams quadrature(double volts, double fringe) {
-    return {.role = ElectrodeRole::quadrature,
-            .kind = ElectrodeKind::skewed,
-            .count = 30,
-            .gap = 5e-6,
-            .overlap = 10e-6,
-            .thickness = 60e-6,
-            .ratio = 2.5,
-            .fringe = fringe,
-            .bias = 5.0,
-            .nulling = volts};
+    ElectrodeParams p = nulling_combs(volts);
+    p.fringe = fringe;
+    return p;
 }
 Sym2<double> softening(double tuned, double nulled, double fringe = 1.0) {
     return Electrode(tuning(tuned, fringe), scales, false).softening() +
@@ -65,18 +55,18 @@ struct Trimmed {
     Found operator()(int intervals, std::uint32_t seed = 1) const {
         using C = ForceRebalance<T>;
         const Sym2<double> at_start = softening(trim.tuning, trim.nulling, fringe), none = softening(0.0, 0.0, fringe);
-        TrimParams told = trim;
-        told.per_square = (softening(1.0, 0.0) - softening(0.0, 0.0)).yy();
-        told.per_volt = softening(0.0, 1.0).xy();
-        told.modulation = 2.0 * tone / told.per_volt;
+        TrimParams known = trim;
+        known.per_square = (softening(1.0, 0.0) - softening(0.0, 0.0)).yy();
+        known.per_volt = softening(0.0, 1.0).xy();
+        known.modulation = 2.0 * tone / known.per_volt;
 
         Common common{.step = step, .force_limit = 0.01};
         common.reference = {.amplitude = {1.0, 1.0}, .frequency = {1.0, 1.0}};
         common.nominal = {.damping = {1.0 / 4673.0, 0.0, 1.0 / 449.0}, .stiffness = {1.0, 0.0, 1.0}};
         const auto controller = C::prepare({}, common);
-        const auto trimming = Trim<T>::prepare(told, common);
+        const auto trimming = Trim<T>::prepare(known, common);
         typename C::State state{};
-        auto trimmed = Trim<T>::start(told);
+        auto trimmed = Trim<T>::start(known);
 
         GyroscopeParams plant{.damping = common.nominal.damping, .stiffness = stiffness + none - at_start};
         plant.rate = rate;

@@ -1,4 +1,5 @@
 // A device in volts: electrodes, amplifiers, delays, and how a run steps them. Closed forms are those of EQUATIONS.md.
+#include "dual_mass_electrodes.hpp"
 #include "joint.hpp"
 #include "paper.hpp"
 #include "scalars.hpp"
@@ -13,13 +14,14 @@ namespace fracgyro::testing {
 namespace {
 
 constexpr double pi = std::numbers::pi, turn = 2.0 * pi, epsilon = Electrode::permittivity;
-// The sense mode of shipped/dual_mass.toml, and its tuning plates: 150 gaps of 4 um on each side.
-constexpr double mass = 1.58e-6, drive_hertz = 3925.29, sense_hertz = 3978.45, gap = 4e-6;
+// The sense mode of shipped/dual_mass.toml.
+constexpr double mass = 1.58e-6, drive_hertz = 3925.29, sense_hertz = 3978.45, gap = tuning_gap;
 constexpr double sense_stiffness = mass * (turn * sense_hertz) * (turn * sense_hertz);
 
 ElectrodeParams plates(bool pair, double bias) {
-    return {
-        .role = ElectrodeRole::tuning, .pair = pair, .count = 150, .gap = gap, .area = 60e-6 * 200e-6, .bias = bias};
+    ElectrodeParams p = tuning_plates(bias);
+    p.pair = pair;
+    return p;
 }
 // The same mass on both axes; units of the sense mode, gaps as lengths.
 DeviceSetup device(std::vector<ElectrodeParams> electrodes, double step) {
@@ -160,15 +162,7 @@ TEST(Electrodes, TuningPlatesMatchTheModesOfADevice) {
 }
 
 TEST(Electrodes, SkewedCombsNullTheQuadratureOfADevice) {
-    const ElectrodeParams p{.role = ElectrodeRole::quadrature,
-                            .kind = ElectrodeKind::skewed,
-                            .count = 30,
-                            .gap = 5e-6,
-                            .overlap = 10e-6,
-                            .thickness = 60e-6,
-                            .ratio = 2.5,
-                            .bias = 5.0,
-                            .nulling = 5.0};
+    const ElectrodeParams p = nulling_combs(5.0);
     const double geometric = std::sqrt(1.42e-6 * 1.58e-6);
     const double nulled = Electrode(p, {}, false).softening().xy() / (2.0 * geometric * turn * drive_hertz);
     EXPECT_NEAR(nulled * 360.0 / turn, 41.5, 0.05);

@@ -74,12 +74,13 @@ def violations(page: Any, impacts: Sequence[str] = ("minor", "moderate", "seriou
 
 
 def faults_of_report(browser: Any, path: Path) -> list[str]:
-    """Serious findings of axe-core and a page wider than its window, on a dark telephone and a light desk."""
+    """Serious findings of axe-core and a page wider than its window, on a telephone and a desk, light and dark."""
     faults = []
-    for width, scheme in ((400, "dark"), (1280, "light")):
-        with browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme) as page:
-            page.goto(path.as_uri())
-            wide = page.evaluate("document.scrollingElement.scrollWidth")
-            found = violations(page, ("serious", "critical")) + ([f"{wide} wide"] if wide > width else [])
-            faults += [f"{width} {scheme}: {each}" for each in found]
+    for width in (400, 1280):
+        for scheme in ("light", "dark"):
+            with browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme) as page:
+                page.goto(path.as_uri())
+                wide = page.evaluate("document.scrollingElement.scrollWidth")
+                found = violations(page, ("serious", "critical")) + ([f"{wide} wide"] if wide > width else [])
+                faults += [f"{width} {scheme}: {each}" for each in found]
     return faults
