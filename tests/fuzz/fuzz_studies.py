@@ -30,9 +30,6 @@ from fracgyro.study.tune.criteria import measure
 from fracgyro.study.tune.plan import read_tuning
 from fracgyro.study.tune.search import choose, front, opened
 
-# A larger study takes longer without other paths.
-design.MAX_POINTS = 500
-blocks.RUNS_PER_BLOCK = 2
 FEW, SHORT = 8, 20_000  # runs and steps that are actually run
 OFTEN = 100  # every n-th study runs to its report
 
@@ -263,5 +260,11 @@ def _tune_folder(body: bytes, folder: Path) -> None:
         plan.base.replace(copy.deepcopy(choose(members, search.base).values))
 
 
+def limit() -> None:
+    """A larger study takes longer without other paths."""
+    design.MAX_POINTS = 500
+    blocks.RUNS_PER_BLOCK = 2
+
+
 if __name__ == "__main__":
-    harness.main(harness.Face(make, check))
+    harness.main(harness.Face(make, check, limit))

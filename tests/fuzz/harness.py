@@ -206,8 +206,11 @@ def main(faces: Mapping[str, Face] | Face) -> None:
     if given.known is not None:
         cases = known_inputs(corpus)
         names = given.known or list(cases)
-        checks = {each: next(f.check for name, f in named.items() if each.startswith(name)) for each in names}
-        outcomes = {each: _outcome(check, cases[each]) for each, check in checks.items()}
+        faces_of = {each: next(f for name, f in named.items() if each.startswith(name)) for each in names}
+        for face in dict.fromkeys(faces_of.values()):
+            if face.prepare:
+                face.prepare()
+        outcomes = {each: _outcome(face.check, cases[each]) for each, face in faces_of.items()}
         for each, outcome in outcomes.items():
             print(f"{each}: {outcome}")
         sys.exit(0 if {*outcomes.values()} <= {"worked", "refused"} else 1)
