@@ -113,7 +113,7 @@ def prepare(modules: list[str]) -> None:
         f"pytest_add_cli_args_test_selection = {files}\n"
         'pytest_add_cli_args = ["-p", "no:xdist", "-p", "no:cacheprovider", "--hypothesis-seed=0"]\n'
         "timeout_constant = 10.0\ntrack_dependencies = false\nuse_git_change_detection = false\n"
-        '[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n',
+        '[tool.pytest.ini_options]\nfilterwarnings = ["error"]\nmarkers = ["nightly"]\n',
         encoding="utf-8",
     )
 
