@@ -106,9 +106,9 @@ private:
 };
 
 // Rows of all runs, (runs, samples, width), NaN after a run has diverged; and the number of samples of each run.
-// `device`: with the loop and the channels of device_loop.hpp, which non-ideal runs need.
-nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads, bool device, const Users& users,
-                      const std::vector<const Units*>& units) {
+// `device`: numbers of device_loop.hpp, whose loop non-ideal runs need: none, device_width, or volts_width more.
+nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads, std::size_t device,
+                      const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
     const std::int64_t steps = setups.front()->steps;
     for (const RunSetup* s : setups) {
@@ -133,7 +133,7 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
         }
     };
     if (users.empty()) {
-        begin(row_width_of(setups.front()->controller) + (device ? device_width : 0));
+        begin(row_width_of(setups.front()->controller) + device);
     }
     auto lasted = std::make_unique<std::int64_t[]>(setups.size());
     const FillNoise noise = fastest_noise();
@@ -144,7 +144,7 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
             return data.data() + (i * rows + written++) * width;
         });
     };
-    if (users.empty() && !device && controllers.run_on_any_thread()) {
+    if (users.empty() && device == 0 && controllers.run_on_any_thread()) {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
             lasted[i] = record_run(*setups[i], every, data.data() + i * rows * width, noise);
@@ -162,7 +162,8 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Means of the rate estimate, (runs, blocks), and the number of samples of each run. `device`: as in record_runs.
+// Means of the rate estimate, (runs, blocks), and the number of samples of each run. `device`: by the loop of
+// device_loop.hpp.
 nb::tuple rate_means(const Setups& setups, std::int64_t every, std::int64_t block, unsigned threads, bool device,
                      const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
@@ -315,8 +316,8 @@ void bind_batch(nb::module_& m) {
         .def_rw("error_bound", &MetricsParams::error_bound)
         .def_rw("surface_bound", &MetricsParams::surface_bound)
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
-    m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"),
-          nb::arg("device") = false, nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
+    m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"), nb::arg("device") = 0,
+          nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
     m.def("rate_means", &rate_means, nb::arg("setups"), nb::arg("every"), nb::arg("block"), nb::arg("threads"),
           nb::arg("device"), nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
     m.def("lane_counts", &lane_counts);
@@ -336,6 +337,7 @@ void bind_batch(nb::module_& m) {
     m.attr("metrics") = nb::tuple(metrics);
     m.attr("loop_channels") = all_described(loop_channels);
     m.attr("device_channels") = all_described(device_channels);
+    m.attr("volts_channels") = all_described(volts_channels);
 }
 
 }  // namespace fracgyro::bindings

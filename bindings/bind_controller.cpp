@@ -112,6 +112,12 @@ nb::list electronics_fields() {
     for_each_setting_of("electronics", params, Describe{all});
     return all;
 }
+nb::list trim_fields() {
+    nb::list all;
+    const TrimSettings settings;
+    for_each_setting_of("trim", settings, Describe{all});
+    return all;
+}
 nb::list electrode_fields() {
     nb::list all;
     const ElectrodeParams params;
@@ -187,6 +193,7 @@ void bind_controller(nb::module_& m) {
     m.def("term_fields", &term_fields, "Descriptions of the numbers of a term of the disturbance, in order.");
     m.def("electronics_fields", &electronics_fields, "Descriptions of the numbers of amplifiers and timing, in order.");
     m.def("electrode_fields", &electrode_fields, "Descriptions of the numbers of an electrode, in order.");
+    m.def("trim_fields", &trim_fields, "Descriptions of the numbers of a trim, in order.");
     m.def("fields_of_plant", &fields_of_plant, nb::arg("kind"),
           "Descriptions of the numbers that plants of this kind have of their own, in order.");
     m.def(

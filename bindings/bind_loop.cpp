@@ -205,6 +205,18 @@ void bind_loop(nb::module_& m) {
             nb::arg("electronics"), nb::arg("electrodes"), nb::arg("units"),
             "Numbers in the order of electronics_fields, and for each electrode of electrode_fields; units of mass, "
             "length and rate, in SI.")
+        .def(
+            "set_trim",
+            [](RunSetup& s, const std::vector<double>& numbers, double lag) {
+                TrimSettings settings;
+                const double* next = numbers.data();
+                for_each_setting_of("trim", settings, detail::TakeFrom{next});
+                s.volts.tuned = settings.tuning == TrimTuning::split;
+                s.volts.nulled = settings.on();
+                s.trim = trim_of(settings, s.volts, lag);
+            },
+            nb::arg("numbers"), nb::arg("lag"),
+            "Numbers in the order of trim_fields; lag of readings and forces, in s. To be called after set_volts.")
         .def_ro("touched", &RunSetup::touched_last,
                 "1 + place of the electrode that the mass touched at the end of the last run, otherwise 0.")
         .def(

@@ -122,7 +122,7 @@ public:
     }
 
     // Rows of the next samples, fewer if the motion diverges.
-    nb::object run(std::int64_t samples, bool device) {
+    nb::object run(std::int64_t samples, std::size_t device) {
         Rows rows;
         std::size_t width = 0, count = 0;
         loop_->run(samples, [&](const auto& at) {

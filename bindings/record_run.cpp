@@ -17,7 +17,7 @@ FRACGYRO_FOR_EACH_PROCESSOR void part_of(typename Stepper<C>::Pending& state,
 }
 
 std::int64_t record_erased(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
-    return record_any(setup, *make_double(setup), every, false, noise,
+    return record_any(setup, *make_double(setup), every, 0, noise,
                       [&](std::size_t width) { return std::exchange(rows, rows + width); });
 }
 

@@ -44,7 +44,7 @@ _core.(controller_kinds|controller_meanings|plant_kinds|plant_meanings|sine_driv
 _core.plant_takes_rate:
     plant_takes_rate: list[bool]
 
-_core.(loop_channels|device_channels|metrics):
+_core.(loop_channels|device_channels|volts_channels|metrics):
     \1: tuple[tuple[str, int, str, str, str, bool], ...]
 
 _core.fields_of_kind:
@@ -65,6 +65,10 @@ _core.electronics_fields:
 
 _core.electrode_fields:
     def electrode_fields() -> list[dict[str, Any]]:
+        \doc
+
+_core.trim_fields:
+    def trim_fields() -> list[dict[str, Any]]:
         \doc
 
 _core.term_fields:
@@ -95,7 +99,7 @@ _core.Controller.checked_step:
     def checked_step(self, step: float, units: Units, time: object, position: object, velocity: object) -> Any: ...
 
 _core.record_runs:
-    def record_runs(setups: Sequence[DeviceSetup], every: int, threads: int, device: bool = False, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
+    def record_runs(setups: Sequence[DeviceSetup], every: int, threads: int, device: int = 0, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 
 _core.rate_means:
     def rate_means(setups: Sequence[DeviceSetup], every: int, block: int, threads: int, device: bool, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...

@@ -214,7 +214,7 @@ EXPORT int loop_run(int samples, double every, double* rows, bool device) {
     const std::int64_t first = loop->step();
     loop->run(samples, [&](const auto& at) {
         if (at.step % static_cast<std::int64_t>(every) == 0) {
-            write_any_row(at, *loop_controller, device,
+            write_any_row(at, *loop_controller, device ? device_width : 0,
                           [&](std::size_t width) { return std::exchange(rows, rows + width); });
         }
     });

@@ -520,7 +520,7 @@ TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
     record<double>(setup, 1, wanted.data());
     double* next = got.data();
     const auto controller = make_controller<double>(setup.controller, setup.common);
-    record_any(PlantSetup{setup}, *controller, 1, true, &fill_noise<word_bytes>,
+    record_any(PlantSetup{setup}, *controller, 1, device_width, &fill_noise<word_bytes>,
                [&](std::size_t row) { return std::exchange(next, next + row); });
     for (std::size_t n = 0; n <= 2'000; ++n) {
         for (std::size_t k = 0; k < width; ++k) {

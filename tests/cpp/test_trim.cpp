@@ -256,7 +256,7 @@ TEST(Trim, KeepsItsVoltagesWithinTheirRange) {
     s.stiffness = 2.0;  // the sidebands reach 1.21
     auto found = s();
     EXPECT_NEAR(found.tuning * found.tuning - 25.0, 0.7 * 0.21 / 0.01, 0.01);
-    s.p.most = 5.1;
+    s.p.most_tuning = 5.1;
     found = s();
     EXPECT_NEAR(found.tuning, 5.1, 1e-12);
     s.stiffness = 0.5;

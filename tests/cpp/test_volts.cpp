@@ -114,7 +114,8 @@ TEST(Electrodes, TheirForceIsTheGradientOfTheirEnergy) {
             const double v = std::cos(p.angle) * volts.x() + std::sin(p.angle) * volts.y(), d = 1e-9;
             const Vec2<double> wanted{(energy(p, x + d, y, v) - energy(p, x - d, y, v)) / (2.0 * d),
                                       (energy(p, x, y + d, v) - energy(p, x, y - d, v)) / (2.0 * d)};
-            const Vec2<double> got = scales.force * electrode.force((1.0 / scales.length) * Vec2<double>{x, y}, volts);
+            const Vec2<double> got =
+                scales.force * electrode.force((1.0 / scales.length) * Vec2<double>{x, y}, {.drive = volts});
             EXPECT_NEAR(got.x(), wanted.x(), 1e-5 * norm(wanted));
             EXPECT_NEAR(got.y(), wanted.y(), 1e-5 * norm(wanted));
         }
@@ -127,7 +128,7 @@ TEST(Electrodes, TheirSofteningAndGainAreTheSlopesOfTheirForce) {
     for (const ElectrodeParams& p : every_electrode()) {
         const Electrode e(p, scales, false);
         const auto slope = [&](const Vec2<double>& q, const Vec2<double>& v) {
-            return (0.5 / d) * (e.force(d * q, d * v) - e.force(-d * q, -d * v));
+            return (0.5 / d) * (e.force(d * q, {.drive = d * v}) - e.force(-d * q, {.drive = -d * v}));
         };
         const Vec2<double> by_x = slope({1.0, 0.0}, {}), by_y = slope({0.0, 1.0}, {});
         const double size = norm(by_x) + norm(by_y);
@@ -419,7 +420,28 @@ TEST(StepInVolts, APairOfPlatesDrivesAsItsClosedForm) {
         const double w = 0.6, d = 1.0 - at * at, a = 150 * 60e-6 * 200e-6;
         const double wanted =
             2.0 * epsilon * a * 25.0 / (gap * gap) * ((1.0 + w * w) * at + w * (1.0 + at * at)) / (d * d);
-        EXPECT_NEAR(e.force({at, 0.2}, {w * 5.0, 9.0}).x(), wanted, 1e-12 * std::abs(wanted) + 1e-18);
+        EXPECT_NEAR(e.force({at, 0.2}, {.drive = {w * 5.0, 9.0}}).x(), wanted, 1e-12 * std::abs(wanted) + 1e-18);
+    }
+}
+
+TEST(Electrodes, FollowATrimAsIfTheyHadBeenMadeWithItsVoltages) {
+    const ElectrodeScales scales{.force = 2e-6, .length = 5e-7};
+    const Vec2<double> q{0.3, -0.7};
+    for (ElectrodeParams p : every_electrode()) {
+        const bool nulls = p.role == ElectrodeRole::quadrature;
+        p.role = nulls ? p.role : ElectrodeRole::tuning;
+        Electrode trimmed(p, scales, false);
+        const Electrode as_it_was = trimmed;
+        trimmed.follow_trim();
+        const Voltages volts{.tuning = 7.0, .nulling = -3.0};
+        EXPECT_EQ(as_it_was.force(q, volts).x(), as_it_was.force(q, {}).x());
+        p.bias = nulls ? p.bias : 7.0;
+        p.nulling = nulls ? -3.0 : p.nulling;
+        const Electrode made(p, scales, false);
+        EXPECT_EQ(trimmed.force(q, volts).x(), made.force(q, {}).x());
+        EXPECT_EQ(trimmed.force(q, volts).y(), made.force(q, {}).y());
+        EXPECT_EQ(trimmed.softening(volts).yy(), made.softening().yy());
+        EXPECT_EQ(trimmed.softening(volts).xy(), made.softening().xy());
     }
 }
 
@@ -431,8 +453,8 @@ TEST(Driver, GivesTheForceAskedForInStepsOfItsConverter) {
     Running run(device(electrodes, 0.05));
     const double volt = at_bias(device(electrodes, 0.05).volts).gain.xx();
     run.step({3.01 * volt, 100.0 * volt});
-    expect_near(run.state.volts.volts, {39 * 10.0 / 128, 10.0 - 10.0 / 128}, 1e-12);
-    expect_near(run.state.applied, (1.25 * volt) * run.state.volts.volts, 1e-12 * volt);
+    expect_near(run.state.volts.volts.drive, {39 * 10.0 / 128, 10.0 - 10.0 / 128}, 1e-12);
+    expect_near(run.state.applied, (1.25 * volt) * run.state.volts.volts.drive, 1e-12 * volt);
 }
 
 TEST(Driver, LinearizedMakesPlatesAsStrongAsAtRest) {
@@ -447,8 +469,8 @@ TEST(Driver, LinearizedMakesPlatesAsStrongAsAtRest) {
     for (std::size_t axis = 0; axis < 2; ++axis) {
         const Electrode e(electrodes[axis], s.volts.scales(), false);
         const Vec2<double> at = run.state.measured.position;
-        const Vec2<double> volts = run.state.volts.volts;
-        const Vec2<double> more = 0.5 * (e.force(at, volts) - e.force(at, -volts));
+        const Vec2<double> volts = run.state.volts.volts.drive;
+        const Vec2<double> more = 0.5 * (e.force(at, {.drive = volts}) - e.force(at, {.drive = -volts}));
         EXPECT_NEAR(axis == 0 ? more.x() : more.y(), axis == 0 ? 1e-4 : 2e-4, 1e-15);
     }
 }

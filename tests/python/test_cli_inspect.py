@@ -185,7 +185,7 @@ def test_explain_knows_metrics_and_channels_and_labels_kinds() -> None:
     assert "reference.kind  sine, chirp" in ran("explain", "reference.frequency").stdout
     assert "disturbance.kind  pulse" in ran("explain", "disturbance.width").stdout
     for name, said in {
-        "frequency": "did you mean reference.frequency, disturbance.frequency or rate.frequency?",
+        "frequency": "did you mean reference.frequency, disturbance.frequency, rate.frequency or trim.frequency?",
         "chatering": "is not a known field, channel or metric; did you mean chattering?",
         "qqqq": ", and channels and metrics of runs",
         "duration": "did you mean run.duration?",

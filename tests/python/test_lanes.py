@@ -162,6 +162,12 @@ def electrodes(drive: dict[str, object]) -> list[dict[str, object]]:
 SMALL = {"reference.amplitude": (0.1, 0.1), "run.initial_position": (0.0, 0.1), "run.initial_velocity": (0.1, 0.0)}
 VOLTS = DUAL.replace({**SMALL, "electrodes": electrodes(PLATE)})
 SILENT = VOLTS.replace({"device.position_noise_density": 0.0, "electronics.feedback_capacitance": 1e-12})  # C_f
+OF_TRIM = [
+    {"role": "tuning", **PLATE, "angle": math.pi / 2},
+    {"role": "quadrature", **COMB, "kind": "skewed", "gap": 5e-6, "ratio": 2.5, "count": 30},
+]
+TRIM = {"tuning": "split", "quadrature": "null", "interval": 4.2e-3, "modulation": 1.0, "frequency": 970.0}
+TRIMMED = VOLTS.replace({"electrodes": electrodes(PLATE) + OF_TRIM, "trim": TRIM, "run.duration": 240.0})
 CHARGE = {"electronics.amplifier": "charge", "electronics.feedback_resistance": 1e7, "electronics.voltage_noise": 5e-9}
 AMPLIFIED = SILENT.replace(CHARGE)
 CARRIER = AMPLIFIED.replace({"electronics.carrier_frequency": 1e6, "electronics.carrier_voltage": 1.0})
@@ -283,6 +289,13 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.S
     "electronics.feedthrough": (VOLTS, (1e-15, 0.0, 0.0, 2e-15)),
     "electronics.linearized": (VOLTS, True),
     **{f"electronics.{name}": (VOLTS, 1e-7) for name in ("sample_delay", "update_delay", "aperture", "jitter")},
+    "trim.tuning": (TRIMMED, "fixed"),
+    "trim.quadrature": (TRIMMED, "fixed"),
+    "trim.interval": (TRIMMED, 5e-3),
+    "trim.gain": (TRIMMED, 0.5),
+    "trim.modulation": (TRIMMED, 2.0),
+    "trim.frequency": (TRIMMED, 960.0),
+    "trim.target": (TRIMMED, 10.0),
     "run.duration": ({}, 0.15),
     "run.step": ({}, 5e-4),
     "run.kernel_tolerance": ({}, 1e-3),

@@ -15,8 +15,8 @@ from embedded import need
 from every_disturbance import ENTRIES
 from fracgyro import _core
 from fracgyro.export.web import build, web
-from fracgyro.scenario.device_core import is_ideal
-from fracgyro.scenario.kinds import KINDS
+from fracgyro.scenario.device_core import device_channels
+from fracgyro.scenario.kinds import KINDS, columns
 from fracgyro.scenario.to_core import core_setup
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
@@ -53,9 +53,8 @@ def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT
 
 
 def recorded(scenario: fg.Scenario) -> np.ndarray:
-    rows: np.ndarray = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, not is_ideal(scenario))[
-        0
-    ][0]
+    more = columns(device_channels(scenario))
+    rows: np.ndarray = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, more)[0][0]
     return rows
 
 

@@ -21,26 +21,60 @@
 #pragma once
 
 #include "fracgyro/control/vibration.hpp"
+#include "fracgyro/core/fields.hpp"
 #include "fracgyro/core/phase.hpp"
 
 namespace fracgyro {
 
-// Nondimensional but for voltages.
-struct TrimParams {
-    bool split = false, quadrature = false;                 // quantities to adjust
-    double interval = 0.0, gain = 0.7;                      // between changes
-    double modulation = 0.0, frequency = 0.0;               // Δv, ω_t
-    double target = 0.0;                                    // δ
-    double per_square = 0.0, per_volt = 0.0;                // k₁, c, as designed
-    double tuning = 0.0, nulling = 0.0;                     // V and v at the start
-    double most = std::numeric_limits<double>::infinity();  // largest |voltage|
-    double lag = 0.0;                                       // readings and forces, with delays
+enum class TrimTuning { fixed, split };
+enum class TrimQuadrature { fixed, null };
+
+// Table of a scenario, in SI.
+struct TrimSettings {
+    TrimTuning tuning = TrimTuning::fixed;
+    TrimQuadrature quadrature = TrimQuadrature::fixed;
+    double interval = 0.02, gain = 0.7, modulation = 0.0, frequency = 300.0, target = 0.0;
+
+    static constexpr std::string_view tunings[] = {"fixed", "split"}, quadratures[] = {"fixed", "null"};
+    static constexpr auto fields() {
+        using P = TrimSettings;
+        constexpr Range share{.low = 0.0, .high = 1.0, .strict = true};
+        return Fields{
+            choice("tuning", &P::tuning, tunings,
+                   "split: the voltage of the tuning electrodes of y is adjusted until its mode is target above that "
+                   "of x. fixed: off."),
+            choice("quadrature", &P::quadrature, quadratures,
+                   "null: nulling of the quadrature electrodes is adjusted until kxy is 0. fixed: off."),
+            field("interval", &P::interval, "s", above_0, "> 0: from one adjustment to the next."),
+            field("gain", &P::gain, "1", share,
+                  "Part of what an interval finds that it corrects, between 0 and 1: a lower one leaves less noise."),
+            field("modulation", &P::modulation, "V", at_least_0,
+                  "Amplitude of a tone on the nulling voltage, by which the split is found; needed. 0.0: off."),
+            field("frequency", &P::frequency, "Hz", above_0,
+                  "> 0: of the tone, above the bandwidth at which the controller reads the rate."),
+            field("target", &P::target, "Hz", any_number, "Frequency of y less that of x to hold. 0.0: matched modes."),
+        };
+    }
+    bool on() const { return tuning != TrimTuning::fixed || quadrature != TrimQuadrature::fixed; }
 };
 
-// Voltages of the tuning and quadrature electrodes.
+// Nondimensional but for voltages.
+struct TrimParams {
+    bool split = false, quadrature = false;                        // quantities to adjust
+    double interval = 0.0, gain = 0.7;                             // between changes
+    double modulation = 0.0, frequency = 0.0;                      // Δv, ω_t
+    double target = 0.0;                                           // δ
+    double per_square = 0.0, per_volt = 0.0;                       // k₁, c, as designed
+    double tuning = 0.0, nulling = 0.0;                            // V and v at the start
+    double most_tuning = std::numeric_limits<double>::infinity();  // largest |V|, |v|
+    double most_nulling = std::numeric_limits<double>::infinity();
+    double lag = 0.0;  // readings and forces, with delays
+};
+
+// Voltages of the tuning and quadrature electrodes, and s of the last interval; 0 before the first.
 template <Scalar T>
 struct TrimVolts {
-    T tuning{}, nulling{};
+    T tuning{}, nulling{}, share{};
 };
 
 template <Scalar T>
@@ -56,7 +90,8 @@ struct Trim {
         std::uint64_t per_step = 0, half_ramp_step = 0;      // phases of ψ and of a ramp, 2^-64 turns
         T per_sum{}, per_read{};
         T modulation{}, tone{}, gain_square{}, gain_volt{}, half_volt{};  // Δv, ω_t, g/k₁, g/c, ½ c Δv
-        T target{}, most{}, lead{}, step_square{}, least{};               // δ, λ, h²/24, the smallest |X|²
+        T target{}, most_square{}, most_nulling{};                        // δ
+        T lead{}, step_square{}, least{};                                 // λ, h²/24, the smallest |X|²
         Complex late{};                                                   // e^(-jω_t h/2)
     };
     // Sums of x, y and the force on y times e^-j of a phase.
@@ -71,7 +106,7 @@ struct Trim {
         LongSum<T> frequency{};
         Line x{};
         std::array<Line, 3> y{}, force{};  // at θ, θ + ψ, θ - ψ
-        T square{}, nulling{};             // V², v
+        T square{}, nulling{}, share{};    // V², v, s
     };
 
     static Coefficients prepare(const TrimParams& p, const Common& common) {
@@ -98,7 +133,8 @@ struct Trim {
                 .gain_volt = T(p.gain / p.per_volt),
                 .half_volt = T(0.5 * p.per_volt * p.modulation),
                 .target = T(p.target),
-                .most = T(p.most),
+                .most_square = T(p.most_tuning * p.most_tuning),
+                .most_nulling = T(p.most_nulling),
                 .lead = T(0.5 * h + p.lag),
                 .step_square = T(h * h / 24.0),
                 .least = T(0.25 * amplitude * amplitude),
@@ -110,8 +146,9 @@ struct Trim {
         state.nulling = T(p.nulling);
         return state;
     }
-    // After a controller's step, with the position that it measured and the force that it asks for; returns the
-    // voltages from here on. Without a measurement the interval begins again.
+    // After a controller's step, with the position that it measured and the force that it asks for, as the range and
+    // the steps of a converter leave it; returns the voltages from here on. Without a measurement the interval begins
+    // again.
     static TrimVolts<T> step(State& state, const Coefficients& c, const Vec2<T>& position, const Vec2<T>& force,
                              bool missing = false) {
         const SineCosine<T> tone = Phase::sine_cosine(state.tone);
@@ -145,7 +182,9 @@ struct Trim {
             state.y = {};
             state.force = {};
         }
-        return {.tuning = square_root(state.square), .nulling = state.nulling + c.modulation * tone.cosine};
+        return {.tuning = square_root(state.square),
+                .nulling = state.nulling + c.modulation * tone.cosine,
+                .share = state.share};
     }
 
 private:
@@ -194,6 +233,7 @@ private:
             per_frequency[i] = T(0.5) / nu;
         }
         const T share = (known[1].x() - known[0].x()) / (pushed[0].x() - pushed[1].x());
+        state.share = share;
         const std::array<Complex, 2> both{known[0] + share * pushed[0], known[1] + share * pushed[1]};
         const T excess = T(0.5) * (both[0].x() + both[1].x());
         const T damping = per_frequency[0] * both[0].y() + per_frequency[1] * both[1].y();
@@ -206,10 +246,10 @@ private:
         if (c.split) {
             const T most = c.tone * (T(2.0) * omega + c.tone);  // the sidebands reach no further
             const T beyond = clamp(excess - c.target * (T(2.0) * omega + c.target), -most, most);
-            state.square = clamp(state.square + c.gain_square * beyond, T(0.0), c.most * c.most);
+            state.square = clamp(state.square + c.gain_square * beyond, T(0.0), c.most_square);
         }
         if (c.quadrature) {
-            state.nulling = clamp(state.nulling + c.gain_volt * coupling / share, -c.most, c.most);
+            state.nulling = clamp(state.nulling + c.gain_volt * coupling / share, -c.most_nulling, c.most_nulling);
         }
     }
     static constexpr double smallest = 1e-30;

@@ -74,6 +74,12 @@ struct ElectrodeParams {
     }
 };
 
+// Voltages that change in a run: those of the drivers of x and y, and those that a trim sets, with its share s.
+struct Voltages {
+    Vec2<double> drive{};
+    double tuning = 0.0, nulling = 0.0, share = 0.0;
+};
+
 // Units of force and length, in N and m, for nondimensional numbers; voltages stay in V.
 struct ElectrodeScales {
     double force = 1.0, length = 1.0;
@@ -95,7 +101,8 @@ public:
           offset_(nominal ? 0.0 : p.offset / p.gap),
           bias_(p.bias),
           nulling_(shape_ == Shape::groups ? p.nulling : 0.0),
-          driven_(p.role == ElectrodeRole::force) {
+          role_(p.role),
+          moves_(p.role == ElectrodeRole::force) {
         const double factor = (nominal ? 1.0 : p.fringe) * permittivity * p.count;
         const bool plates = shape_ == Shape::plate || shape_ == Shape::plates;
         per_gap_ = plates ? factor * p.area / p.gap : factor * p.thickness;
@@ -106,6 +113,8 @@ public:
     double per_length() const { return per_length_; }
     double bias() const { return bias_; }
     void set_bias(double volts) { bias_ = volts; }
+    // From here on a trim sets the bias of role tuning and the nulling of role quadrature.
+    void follow_trim() { moves_ = true; }
 
     // X and Y.
     Vec2<double> place(const Vec2<double>& q) const {
@@ -126,11 +135,10 @@ public:
         }
     }
 
-    // The force at q; `volts`: that of the driver, along x and y.
-    Vec2<double> force(const Vec2<double>& q, const Vec2<double>& volts) const {
+    // The force at q.
+    Vec2<double> force(const Vec2<double>& q, const Voltages& volts) const {
         const Vec2<double> at = place(q);
-        const double x = at.x(), y = at.y(), s = strength_, b = bias_;
-        const double v = driven_ ? dot(along_, volts) : nulling_;
+        const double x = at.x(), y = at.y(), s = strength_, b = bias_at(volts), v = added_at(volts);
         const double lambda = ratio_, sum = 1.0 + lambda;
         switch (shape_) {
             case Shape::plate: {
@@ -163,8 +171,8 @@ public:
     }
 
     // k_e: the gradient of the force at q = 0 without a driver's voltage, which softens the springs.
-    Sym2<double> softening() const {
-        const double b = bias_, v = nulling_, s = strength_ * per_length_, x = offset_, lambda = ratio_;
+    Sym2<double> softening(const Voltages& volts = {}) const {
+        const double b = bias_at(volts), v = added_at(volts), s = strength_ * per_length_, x = offset_, lambda = ratio_;
         const double sum = 1.0 + lambda, across = 2.0 * (1.0 + 1.0 / (lambda * lambda * lambda));
         const double mixed = sum * (lambda - 1.0) / (lambda * lambda);
         switch (shape_) {
@@ -242,6 +250,17 @@ public:
 private:
     enum class Shape { plate, plates, comb, combs, groups };
 
+    double bias_at(const Voltages& volts) const {
+        return moves_ && role_ == ElectrodeRole::tuning ? volts.tuning : bias_;
+    }
+    // On one side of a pair more than the bias, on the other less.
+    double added_at(const Voltages& volts) const {
+        if (!moves_ || role_ == ElectrodeRole::tuning) {
+            return nulling_;
+        }
+        return role_ == ElectrodeRole::force ? dot(along_, volts.drive) : volts.nulling;
+    }
+
     // Electrodes on the axes are exactly there.
     static Vec2<double> exactly(const Vec2<double>& n) {
         constexpr double rounding = 1e-15;
@@ -261,7 +280,8 @@ private:
     Shape shape_;
     Vec2<double> along_;
     double per_length_, ratio_, overlap_, offset_, bias_, nulling_;
-    bool driven_;
+    ElectrodeRole role_;
+    bool moves_;             // the voltages of this role change in a run
     double strength_ = 0.0;  // force at X = Y = 0 and 1 V: ½ f ε a/g² of a plate, ½ f N ε t/g of a comb
     double per_gap_ = 0.0;   // f ε a/g of a plate, f N ε t of a comb, F
 };

@@ -18,6 +18,7 @@ struct VoltsParams {
     std::vector<ElectrodeParams> electrodes{};
     double mass = 1.0, length = 1.0, rate = 1.0;  // units, in SI
     bool present = false;
+    bool tuned = false, nulled = false;  // a trim sets the voltages of tuning, of quadrature
 
     ElectrodeScales scales() const { return {.force = mass * rate * rate * length, .length = length}; }
 };
@@ -117,14 +118,15 @@ struct Volts {
         std::array<Quantizer, 2> converters{};
         Readout::Coefficients readout{};
         double half = 0.0, late = 0.0;  // half a step; delay of an update
-        bool on = false, drives = false, acts = false, reads = false, linearized = false;
+        bool on = false, drives = false, trimmed = false, acts = false, reads = false, linearized = false;
         bool converts = false;  // the acting force differs from the request, and is known
     };
     struct State {
         Readout::State readout{};
-        Vec2<double> volts{}, volts_before{}, bent{};  // in this step, in the one before; p(q) - q
-        Vec2<double> code{};                           // the force that the last code is meant to be
-        std::int64_t touched = 0;                      // 1 + place of the electrode that the mass touches
+        Voltages volts{}, volts_before{};  // in this step, in the one before
+        Vec2<double> bent{};               // p(q) - q
+        Vec2<double> code{};               // the force that the last code is meant to be
+        std::int64_t touched = 0;          // 1 + place of the electrode that the mass touches
     };
 
     static Coefficients prepare(const VoltsParams& p, const GyroscopeParams& plant, double step) {
@@ -138,6 +140,7 @@ struct Volts {
         c.late = p.electronics.update_delay * p.rate;
         c.drives = at.drives;
         c.reads = at.reads;
+        c.trimmed = p.tuned || p.nulled;
         c.linearized = p.electronics.linearized;
         c.softening = at.softening;
         if (c.drives) {
@@ -150,7 +153,12 @@ struct Volts {
             c.electrodes.emplace_back(each, p.scales(), false);
             Electrode& made = c.electrodes.back();
             made.set_bias(acting_bias(p.electronics, each));
-            c.acts = c.acts || made.bias() != 0.0 || each.role == ElectrodeRole::force;
+            c.resting = c.resting + made.force({}, {});
+            const bool moves = each.role == ElectrodeRole::tuning ? p.tuned : p.nulled;
+            if (moves && (each.role == ElectrodeRole::tuning || each.role == ElectrodeRole::quadrature)) {
+                made.follow_trim();
+            }
+            c.acts = c.acts || c.trimmed || made.bias() != 0.0 || each.role == ElectrodeRole::force;
             const Vec2<double> n = made.direction();
             if (each.role == ElectrodeRole::pickoff) {
                 const double charge = pickoff_voltage(p.electronics, each) * made.slope(each.gap);
@@ -166,9 +174,6 @@ struct Volts {
                     }
                 }
             }
-        }
-        for (const Electrode& each : c.electrodes) {
-            c.resting = c.resting + each.force({}, {});
         }
         c.readout = Readout::prepare(readout_of(p, at), plant, step);
         return c;
@@ -186,9 +191,8 @@ struct Volts {
     // The force that acts linearly for the force asked for, which sets the voltages. `measured`: the position known.
     static Vec2<double> drive(State& state, const Coefficients& c, const Vec2<double>& asked,
                               const Vec2<double>& measured) {
-        state.volts_before = state.volts;
-        state.volts = volts(c, asked, grown(c, measured));
-        return c.force_per_volt * state.volts;
+        state.volts.drive = volts(c, asked, grown(c, measured));
+        return c.force_per_volt * state.volts.drive;
     }
     // The force that a designer knows the code for this force to mean.
     static Vec2<double> meant(const Coefficients& c, const Vec2<double>& asked, const Vec2<double>& measured) {
@@ -197,12 +201,20 @@ struct Volts {
     }
 
     // Force of the electrodes beyond `resting` and their linear part.
-    static Vec2<double> rest(const Coefficients& c, const Vec2<double>& q, const Vec2<double>& volts) {
+    static Vec2<double> rest(const Coefficients& c, const Vec2<double>& q, const Voltages& volts) {
         Vec2<double> force{};
         for (const Electrode& each : c.electrodes) {
             force = force + each.force(q, volts);
         }
-        return force - (c.resting + (c.softening * q + c.force_per_volt * volts));
+        return force - (c.resting + (c.softening * q + c.force_per_volt * volts.drive));
+    }
+    // Softening of the springs that a trim has added.
+    static Sym2<double> trimmed(const Coefficients& c, const Voltages& volts) {
+        Sym2<double> now{};
+        for (const Electrode& each : c.electrodes) {
+            now = now + each.softening(volts);
+        }
+        return now - c.softening;
     }
 
     // After the step of the mass from `from`, with a kick, to `to`.

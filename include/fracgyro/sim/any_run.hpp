@@ -14,6 +14,7 @@ inline ErasedSetup erased_setup(const PlantSetup& s, AnyController<double>& cont
              s.rate,
              s.device,
              s.volts,
+             s.trim,
              s.touched},
             s.model};
 }
@@ -51,27 +52,30 @@ std::int64_t run_any(const PlantSetup& setup, AnyController<double>& controller,
     return samples;
 }
 
-// Writes one row to row_of(width): the loop's channels, the channels reported by the controller and, if `device`, the
-// channels of the device.
+// Writes one row to row_of(width): the loop's channels, the channels reported by the controller, and `device` numbers
+// of the device: none, device_width, or volts_width more, which are NaN without electrodes.
 template <class AtSample, class RowOf>
-void write_any_row(const AtSample& at, AnyController<double>& controller, bool device, RowOf&& row_of) {
+void write_any_row(const AtSample& at, AnyController<double>& controller, std::size_t device, RowOf&& row_of) {
     const std::span<const double> reported = controller.report();
-    double* const row = row_of(loop_width + reported.size() + (device ? device_width : 0));
+    double* const row = row_of(loop_width + reported.size() + device);
     write_row<double, EmptyReport>(at, row);
     double* const rest = std::ranges::copy(reported, row + loop_width).out;
-    if constexpr (requires { at.applied; }) {
-        if (device) {
-            std::ranges::copy(device_row(at), rest);
+    if constexpr (requires { at.volts; }) {
+        if (device > 0) {
+            double* const volts = std::ranges::copy(device_row(at), rest).out;
+            if (device > device_width) {
+                std::ranges::copy(volts_row(at.volts), volts);
+            }
         }
     }
 }
 
 // Rows at the samples 0, every, 2·every, … Returns the number of samples before divergence.
 template <class RowOf>
-std::int64_t record_any(const PlantSetup& setup, AnyController<double>& controller, std::int64_t every, bool device,
-                        FillNoise noise, RowOf&& row_of) {
+std::int64_t record_any(const PlantSetup& setup, AnyController<double>& controller, std::int64_t every,
+                        std::size_t device, FillNoise noise, RowOf&& row_of) {
     std::int64_t until_next = 0;
-    return run_any(setup, controller, device, noise, [&](const auto& at) {
+    return run_any(setup, controller, device > 0, noise, [&](const auto& at) {
         if (until_next == 0) {
             write_any_row(at, controller, device, row_of);
             until_next = every;
@@ -129,6 +133,7 @@ inline Metrics measure_any(const PlantSetup& setup, AnyController<double>& contr
             at_end.plant.stiffness = at_end.plant.stiffness + at.warmer * stiffness_per_kelvin(thermal, stiffness);
             at_end.plant.damping = at_end.plant.damping + at.warmer * damping_per_kelvin(thermal, damping);
         }
+        at_end.plant.stiffness = at_end.plant.stiffness - at.softened;
     };
     std::int64_t samples = 0;
     const ErasedSetup erased = erased_setup(setup, controller);

@@ -2,6 +2,7 @@
 // Without any of these effects its samples are those of loop.hpp, bit for bit.
 #pragma once
 
+#include "fracgyro/hardware/trim.hpp"
 #include "fracgyro/plant/imperfections.hpp"
 #include "fracgyro/sim/recorder.hpp"
 #include "fracgyro/plant/varying_gyroscope.hpp"
@@ -15,6 +16,7 @@ struct DeviceSetupOf : SetupOf<Params> {
     AngularRateParams rate{};
     ImperfectionParams device{};
     VoltsParams volts{};
+    TrimParams trim{};
     std::int64_t* touched = nullptr;  // a run writes here 1 + place of the electrode at which it ended, otherwise 0
 };
 using DeviceSetup = DeviceSetupOf<ControllerParams>;
@@ -52,7 +54,40 @@ struct DeviceSnapshot : Snapshot<double, Report> {
     double warmer;                   // change of temperature, K
     const Motion<double>& measured;  // the motion as seen by the controller
     const Vec2<double>& applied;     // the force that acts
+    const Voltages* volts;           // nullptr without electrodes
+    Sym2<double> softened;           // stiffness that a trim has taken since the start
 };
+
+// A trim of these electrodes. `lag`: of readings and forces, in s.
+inline TrimParams trim_of(const TrimSettings& s, const VoltsParams& p, double lag) {
+    constexpr double turn = 6.28318530717958647693;
+    TrimParams made{.split = s.tuning == TrimTuning::split,
+                    .quadrature = s.quadrature == TrimQuadrature::null,
+                    .interval = s.interval * p.rate,
+                    .gain = s.gain,
+                    .modulation = s.modulation,
+                    .frequency = turn * s.frequency / p.rate,
+                    .target = turn * s.target / p.rate,
+                    .lag = lag * p.rate};
+    for (const ElectrodeParams& each : p.electrodes) {
+        if (each.role != ElectrodeRole::tuning && each.role != ElectrodeRole::quadrature) {
+            continue;
+        }
+        Electrode known(each, p.scales(), true);
+        known.follow_trim();
+        const Sym2<double> none = known.softening(), one = known.softening({.tuning = 1.0, .nulling = 1.0});
+        if (each.role == ElectrodeRole::tuning) {
+            made.per_square += (one - none).yy();
+            made.tuning = each.bias;
+            made.most_tuning = minimum(made.most_tuning, each.range);
+        } else {
+            made.per_volt += (one - none).xy();
+            made.nulling = each.nulling;
+            made.most_nulling = minimum(made.most_nulling, each.range);
+        }
+    }
+    return made;
+}
 
 // 6  The gyroscope with the interface of IdealGyroscope (stepper.hpp).
 struct DeviceGyroscope {
@@ -64,6 +99,7 @@ struct DeviceGyroscope {
         AngularRate rate{{}, 0.0, 1.0, 0};
         Imperfections::Coefficients device{};
         Volts::Coefficients volts{};
+        Trim<double>::Coefficients trim{};
 
         // Temperature change in kelvin, `halves` half steps after sample n.
         double warmer(std::int64_t n, int halves) const { return device.device.temperature.within(n, halves); }
@@ -108,6 +144,7 @@ struct DeviceGyroscope {
         Vec2<double> disturbance{}, applied{};
         Imperfections::State device{};
         Volts::State volts{};
+        Trim<double>::State trim{};
     };
 
     template <class Params>
@@ -123,7 +160,8 @@ struct DeviceGyroscope {
             .mean_rate = s.plant.rate,
             .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
             .device = Imperfections::prepare(s.device),
-            .volts = Volts::prepare(s.volts, s.plant, step)};
+            .volts = Volts::prepare(s.volts, s.plant, step),
+            .trim = s.volts.nulled ? Trim<double>::prepare(s.trim, s.common) : Trim<double>::Coefficients{}};
     }
     template <class Params>
     static State start(const DeviceSetupOf<Params>& s) {
@@ -131,6 +169,9 @@ struct DeviceGyroscope {
         state.motion = Gyroscope<double>::start(s.plant);
         if (s.volts.present) {
             state.volts = Volts::start(Volts::prepare(s.volts, s.plant, s.common.step), state.motion);
+            state.trim = Trim<double>::start(s.trim);
+            state.volts.volts.tuning = s.trim.tuning;
+            state.volts.volts.nulling = s.trim.nulling;
         }
         return state;
     }
@@ -152,12 +193,22 @@ struct DeviceGyroscope {
         act(state, c, signals.force, n);
     }
     static void act(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
+        if (c.volts.on) {
+            state.volts.volts_before = state.volts.volts;
+            state.volts.code = c.volts.drives ? Volts::meant(c.volts, asked, state.measured.position)
+                                              : c.device.device.actuator()(asked);
+        }
+        if (c.volts.trimmed) {
+            const auto set = Trim<double>::step(state.trim, c.trim, state.measured.position, state.volts.code);
+            state.volts.volts.tuning = set.tuning;
+            state.volts.volts.nulling = set.nulling;
+            state.volts.volts.share = set.share;
+        }
         if (!c.volts.drives) {
             state.applied = Imperfections::actuate(state.device, c.device, asked, n);
             return;
         }
         const Vec2<double> late = Imperfections::late(state.device, c.device, asked, n);
-        state.volts.code = Volts::meant(c.volts, asked, state.measured.position);
         const Vec2<double> given = Volts::drive(state.volts, c.volts, late, state.measured.position);
         state.applied = Imperfections::give(c.device, given, n);
     }
@@ -190,7 +241,9 @@ struct DeviceGyroscope {
                 c.device.device.damping_drift * warmer,
                 warmer,
                 state.measured,
-                state.applied};
+                state.applied,
+                c.volts.on && !c.volts.electrodes.empty() ? &state.volts.volts : nullptr,
+                c.volts.trimmed ? Volts::trimmed(c.volts, state.volts.volts) : Sym2<double>{}};
     }
 
 private:
@@ -217,7 +270,7 @@ private:
             // For a time with the voltages before the update, and for the rest of half a step with those after it.
             const auto kick = [&](Motion<double>& at, double before) {
                 const Vec2<double>& q = at.position;
-                const auto push = [&](const Vec2<double>& volt, double time) {
+                const auto push = [&](const Voltages& volt, double time) {
                     at.velocity =
                         at.velocity + time * (Volts::rest(v, q, volt) + VaryingGyroscope::cubic(c.varying, q));
                 };
@@ -252,12 +305,30 @@ inline constexpr std::array<Channel, 7> device_channels{
      {"measured_velocity", 2, "q0*omega0", "velocity as the controller has it, measured or observed"},
      {"applied_control", 2, "m*omega0^2*q0", "force that the actuator gives for u"}}};
 inline constexpr std::size_t device_width = 10;
+// Channels that follow for a device with electrodes.
+inline constexpr std::array<Channel, 4> volts_channels{
+    {{"drive_voltage", 2, "V", "voltage of the drivers"},
+     {"tuning_voltage", 1, "V", "bias of the tuning electrodes", ""},
+     {"nulling_voltage", 1, "V", "nulling of the quadrature electrodes, with the tone of a trim", ""},
+     {"tone_share", 1, "1",
+      "what the tone of a trim changes kxy by over what it was designed to, as last found; if it is not from 1/2 to 2, "
+      "y does not answer the tone, and the voltages stay; 0 before the end of the first interval",
+      ""}}};
+inline constexpr std::size_t volts_width = 5;
 
 template <class Report>
 std::array<double, device_width> device_row(const DeviceSnapshot<Report>& at) {
     const Motion<double>& m = at.measured;
     return {at.rate,        at.rate_bias,   at.stiffness_drift, at.damping_drift, m.position.x(),
             m.position.y(), m.velocity.x(), m.velocity.y(),     at.applied.x(),   at.applied.y()};
+}
+// NaN without electrodes.
+inline std::array<double, volts_width> volts_row(const Voltages* volts) {
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    if (volts == nullptr) {
+        return {none, none, none, none, none};
+    }
+    return {volts->drive.x(), volts->drive.y(), volts->tuning, volts->nulling, volts->share};
 }
 template <class Report>
 void write_device_row(const DeviceSnapshot<Report>& at, double* row) {

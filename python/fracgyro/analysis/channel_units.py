@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
+from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, VOLTS_CHANNELS, reports
 from .metric_names import written
 
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
@@ -59,5 +59,6 @@ def _power(size: float) -> int:
 @cache
 def _nondimensional() -> dict[str, str]:
     """Units of the channels whose columns all have the same."""
-    listed = [*LOOP_CHANNELS, *DEVICE_CHANNELS, *(c for kind in KINDS for of in reports(kind) for c in of)]
+    reported = (c for kind in KINDS for of in reports(kind) for c in of)
+    listed = [*LOOP_CHANNELS, *DEVICE_CHANNELS, *VOLTS_CHANNELS, *reported]
     return {channel.name: written(channel.units[0]) for channel in listed if len(set(channel.units)) == 1}

@@ -153,6 +153,9 @@ def _check(scenario: Scenario) -> None:
     plant, device = scenario.plant, scenario.device
     if plant.kind not in LINEAR:
         raise _refused("plant.kind", plant.kind, " or ".join(LINEAR), "the linear plants with two axes")
+    for field in ("tuning", "quadrature"):
+        if (value := getattr(scenario.trim, field)) != "fixed":
+            raise _refused(f"trim.{field}", value, "fixed", "a stationary plant")
     if scenario.rate.kind != "constant":
         raise _refused("rate.kind", scenario.rate.kind, "constant", "a stationary plant")
     varying = (*CUBIC, "stiffness_drift", "frequency_temperature_coefficient", "damping_drift")

@@ -19,7 +19,7 @@ from .compilers import SOURCES, Number
 from .converters import converters
 from .course import course
 from .initializers import initializer, list_text
-from .settings import check_gyroscope, columns
+from .settings import check_exported, columns
 
 # Units in the header, by their names there.
 UNITS = {
@@ -66,7 +66,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
-    check_gyroscope(scenario)
+    check_exported(scenario)
     channels, values_by_name = persistent_channels(setup), core_numbers(scenario)
     stiffness = [values_by_name[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales

@@ -63,17 +63,20 @@ def check_rounding(scenario: Scenario) -> None:
         )
 
 
-def check_gyroscope(scenario: Scenario) -> None:
-    """Raises ScenarioError for another plant, which targets do not have."""
+def check_exported(scenario: Scenario) -> None:
+    """Raises ScenarioError for another plant or a trim, which targets do not have."""
     if scenario.plant.kind != PLANT_KINDS[0]:
         raise ScenarioError(
             f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, the only plant that is exported"
         )
+    for name, value in scenario.trim:
+        if name in ("tuning", "quadrature") and value != "fixed":
+            raise ScenarioError(f"trim.{name} is {value}: it must be fixed for a target, none of which has a trim")
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
     """All numbers of a run for the core, in its order (include/fracgyro/sim/settings.hpp)."""
-    check_gyroscope(scenario)
+    check_exported(scenario)
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]

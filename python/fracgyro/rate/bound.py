@@ -53,8 +53,8 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     noise with a twelfth of their square as variance; with device.sensing = "position" no velocity is measured. The
     motion is the reference; a user's `controller` is run to obtain its motion. bound.py has the derivation.
 
-    Returns None without noise, for a disturbance that is not noise, for a reference that is not only sines about 0, and
-    if the motion does not identify the parameters.
+    Returns None without noise, for a disturbance that is not noise, with a trim, which moves the resonances, for a
+    reference that is not only sines about 0, and if the motion does not identify the parameters.
 
     >>> quiet = fg.Scenario.paper().replace({"disturbance.kind": "none"})
     >>> print(fg.rate.bound_angle_random_walk(quiet))
@@ -118,9 +118,12 @@ def bound_of_motion(scenario: Scenario, controller: ControllerLike | None = None
 
 
 def noise_of(scenario: Scenario) -> Noise | None:
-    """The white noise of a scenario, nondimensional; None without noise or for another disturbance."""
+    """The white noise of a scenario, nondimensional; None without noise, for another disturbance, or with a trim.
+
+    A trim moves the resonances of the plant that a bound is for.
+    """
     step, force = scenario.run.step, white_density(scenario)
-    if force is None:
+    if force is None or scenario.trim.on:
         return None
     device = device_values(scenario)
     position, velocity = (sensor_variance(device, of) * step for of in ("position", "velocity"))

@@ -98,7 +98,8 @@ def slopes(scenario: Scenario) -> tuple[float, float]:
     """dC/dx and dC/dy of the pick-offs as designed, F/m: their charge for a volt on each."""
     volt = [{**dict(one), "bias": 1.0} for one in scenario.electrodes.each if one.role == "pickoff"]
     quiet = {"carrier_frequency": 0.0, "carrier_voltage": 0.0}
-    found = at_bias(scenario.replace({"electrodes": volt, "electronics": {"pole": scenario.electronics.pole, **quiet}}))
+    electronics = {"pole": scenario.electronics.pole, **quiet}
+    found = at_bias(scenario.replace({"electrodes": volt, "electronics": electronics, "trim": {}}))
     return float(found.charge[0]), float(found.charge[2])
 
 
@@ -208,6 +209,8 @@ def ripple_figures(sensor: Sensor) -> list[Result]:
     beats = split * length / math.tau
     definition = f"amplitude at rest at {split / math.tau:.4g} Hz, the difference of the resonances"
     made = Result("ripple", "Ripple at the split", definition, DEG_PER_S.name, math.nan)
+    if scenario.trim.tuning != "fixed":
+        return [replace(made, definition="amplitude at rest", note="not available: a trim moves the resonances")]
     if beats < MIN_BEATS or split * interval > MAX_PHASE:
         reason = "the record has fewer than 20 periods of it" if beats < MIN_BEATS else "it is sampled too seldom"
         return [replace(made, note=f"not available: {reason}")]

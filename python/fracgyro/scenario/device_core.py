@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .device import GAIN_DRIFTS, MATRIX_DRIFTS, Device
+from .kinds import DEVICE_CHANNELS, VOLTS_CHANNELS, Channel
 from .points import Points
 from .scenario import Scenario
-from .volts_core import at_bias, drive, has_volts
+from .volts_core import NO_ELECTRODES, at_bias, drive, has_volts
 
 IDEAL = Device()
 
@@ -25,6 +26,12 @@ def is_ideal(scenario: Scenario) -> bool:
     around = c.event_threshold or c.event_share or c.compensation_bandwidth
     plain = bool(c.filter == "none" and not around and not corrected)
     return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL and not has_volts(scenario)
+
+
+def device_channels(*scenarios: Scenario) -> tuple[Channel, ...]:
+    """The channels that devices add to those of the controllers: none if all are ideal."""
+    in_volts = any(scenario.electrodes != NO_ELECTRODES for scenario in scenarios)
+    return () if all(map(is_ideal, scenarios)) else (*DEVICE_CHANNELS, *(VOLTS_CHANNELS if in_volts else ()))
 
 
 def rate_values(scenario: Scenario) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import groupby
@@ -99,9 +99,10 @@ OF_FILTER = ("force_noise", "position_noise", "velocity_noise", "delay")
 
 # Those that a dynamic rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
-# Those of amplifiers and timing, and of an electrode, in SI.
+# Those of amplifiers and timing, of an electrode, and of a trim, in SI.
 ELECTRONICS_NUMBERS = _numbers(_core.electronics_fields())
 ELECTRODE_NUMBERS = _numbers(_core.electrode_fields())
+TRIM_NUMBERS = _numbers(_core.trim_fields())
 # Those of a term of the disturbance.
 TERM_NUMBERS = _numbers(_core.term_fields())
 
@@ -299,6 +300,11 @@ AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
 
 
+def columns(channels: Iterable[Channel]) -> int:
+    """The number of their columns."""
+    return sum(channel.width for channel in channels)
+
+
 def _channels(found: tuple[tuple[str, int, str, str, str, bool], ...]) -> tuple[Channel, ...]:
     dimensions = {"": None, ".x": "axis", ".xx": "entry"}
     return tuple(
@@ -311,6 +317,7 @@ METRICS = _channels(_core.metrics)
 WINDOWS = ["whole", "transient", "steady"]  # windows of the RMS error
 LOOP_CHANNELS = _channels(_core.loop_channels)
 DEVICE_CHANNELS = _channels(_core.device_channels)
+VOLTS_CHANNELS = _channels(_core.volts_channels)  # in addition with electrodes
 
 
 @lru_cache

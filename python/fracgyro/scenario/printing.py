@@ -37,8 +37,8 @@ def scenario_text(scenario: Table, *, texts: bool = True) -> str:
 def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
     """The TOML; `texts`: those of quantities, in which equal scenarios may differ."""
     lines = [
-        f"{BEGIN} [plant], [rate], [device], [[electrodes]] and [electronics] are in SI, the rest is",
-        "# nondimensional.",
+        f"{BEGIN} [plant], [rate], [device], [[electrodes]], [electronics] and [trim] are in SI, the",
+        "# rest is nondimensional.",
         *(["# A number with a unit, in quotes, is in that unit."] if texts else []),
         "# A table or field that is left out takes the paper's value, in the corrected reading.",
     ]

@@ -19,6 +19,7 @@ from .kinds import (
     LOOP_CHANNELS,
     MEANINGS,
     METRICS,
+    VOLTS_CHANNELS,
     WINDOWS,
     Channel,
     kinds_with,
@@ -114,7 +115,7 @@ def _kinds_of_disturbance(field: str) -> tuple[str, ...]:
 def _channels() -> dict[str, Channel]:
     """All channels of runs, by name."""
     reported = (channel for kind in KINDS for some in reports(kind) for channel in some)
-    return {channel.name: channel for channel in (*reported, *DEVICE_CHANNELS, *LOOP_CHANNELS)}
+    return {channel.name: channel for channel in (*reported, *DEVICE_CHANNELS, *VOLTS_CHANNELS, *LOOP_CHANNELS)}
 
 
 def _metrics() -> dict[str, list[Channel]]:
@@ -215,6 +216,8 @@ def _recorded() -> Iterator[str]:
         yield from rows_of(VARIABLES, map(_variable, channels)) if channels else []
     yield from ["Additional channels of a run whose rate moves or whose device is not ideal:", ""]
     yield from rows_of(VARIABLES, map(_variable, DEVICE_CHANNELS))
+    yield from ["Additional channels of a run with electrodes:", ""]
+    yield from rows_of(VARIABLES, map(_variable, VOLTS_CHANNELS))
 
 
 def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:

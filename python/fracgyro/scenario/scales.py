@@ -31,6 +31,7 @@ SI_TABLES = (
     "device",
     "electrodes",
     "electronics",
+    "trim",
 )  # tables of a scenario in SI; all others are nondimensional
 # SI units with special names.
 NAMED = {
@@ -46,7 +47,7 @@ NAMED = {
     Powers(1, 1, 2): "N",
     Powers(2, 2, 3): "N^2 s",
 }
-ANGLE = "rad"  # the same in both
+ANGLE, VOLT = "rad", "V"  # the same in both
 OF_ONE = {"m": base("kg"), "q0": base("m"), "omega0": parse("1/s"), "rad": base("rad")}
 
 
@@ -64,7 +65,7 @@ def powers(unit: str) -> Powers | None:
 
 
 def _checked(unit: str) -> Powers:
-    if (found := powers("1" if unit == ANGLE else unit)) is None:
+    if (found := powers("1" if unit in (ANGLE, VOLT) else unit)) is None:
         raise ValueError(f"the unit {unit} has no SI unit: it must be a product of integer powers of m, q0 and omega0")
     return found
 
@@ -72,7 +73,7 @@ def _checked(unit: str) -> Powers:
 @lru_cache
 def si_unit(unit: str) -> str:
     """The SI unit of a quantity in this nondimensional unit, as pint and others read it."""
-    if unit == ANGLE:
+    if unit in (ANGLE, VOLT):
         return unit
     found = _checked(unit)
     return NAMED.get(found) or _spelled(found.exponents.items())

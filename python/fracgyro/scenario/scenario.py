@@ -52,13 +52,13 @@ from .schema import (
 from .shipped import NAMES, SHIPPED, shipped_text
 from .table import Table, format_value, toml_value
 from .toml import read_tables, read_text
-from .volts import Electrodes, Electronics
+from .volts import Electrodes, Electronics, Trim
 from .volts_core import drive
 
 
 def _add_units(schema: dict[str, Any]) -> None:
     """The key `units` at the head of a file, which is read before its tables."""
-    others = "[plant], [rate], [device], [[electrodes]] and [electronics]"
+    others = "[plant], [rate], [device], [[electrodes]], [electronics] and [trim]"
     said = f"Units of plain numbers: with SI those of all tables, otherwise only of {others}."
     schema["properties"]["units"] = {"enum": ["nondimensional", "SI"], "description": said, "type": "string"}
 
@@ -88,6 +88,7 @@ class Scenario(Table):
     device: Device = Device()
     electrodes: Electrodes = Electrodes()
     electronics: Electronics = Electronics()
+    trim: Trim = Trim()
     run: Run = Run()
 
     def __init__(self, **tables: Any) -> None:

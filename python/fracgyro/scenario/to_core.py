@@ -30,7 +30,7 @@ from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
 from .table import MAX_STEPS
 from .terms import MAX_DEVIATIONS, first_part, largest_force, term_list, white_noise
-from .volts_core import electrode_numbers, electronics_numbers, has_volts, lag, plant_at_bias
+from .volts_core import electrode_numbers, electronics_numbers, has_volts, lag, plant_at_bias, trim_numbers
 
 MAX_DELAY = 8  # steps that a controller takes into account
 MAX_SAMPLES = 100_000  # at which a reference is looked at
@@ -312,6 +312,7 @@ class Parts(NamedTuple):
     device: tuple[list[float], Any, Any, int] | None
     plant: tuple[int, list[float]] | None
     volts: tuple[list[float], list[list[float]], tuple[float, float, float]] | None
+    trim: tuple[list[float], float] | None  # with volts
 
     def setup(self) -> _core.DeviceSetup:
         made = _core.DeviceSetup(self.kind, list(self.numbers.values()))
@@ -328,6 +329,8 @@ class Parts(NamedTuple):
             made.set_plant(*self.plant)
         if self.volts is not None:
             made.set_volts(*self.volts)
+        if self.trim is not None:
+            made.set_trim(*self.trim)
         return made
 
 
@@ -337,10 +340,11 @@ def parts(scenario: Scenario) -> Parts:
     device = None
     if not is_ideal(scenario):
         device = list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed
-    volts, scales = None, scenario.plant.scales
+    volts, trim, scales = None, None, scenario.plant.scales
     if has_volts(scenario):
         each = [electrode_numbers(one) for one in scenario.electrodes.each]
         volts = electronics_numbers(scenario.electronics), each, (scales.mass, scales.length, scales.rate)
+        trim = trim_numbers(scenario.trim), known_lag(scenario)
     return Parts(
         KINDS.index(scenario.controller.kind),
         core_numbers(scenario, values),
@@ -352,7 +356,16 @@ def parts(scenario: Scenario) -> Parts:
         device,
         (place, list(own_plant_numbers(scenario).values())) if place else None,
         volts,
+        trim,
     )
+
+
+def known_lag(scenario: Scenario) -> float:
+    """Time, s, by which a trim knows readings and forces to be late: as the datasheet, or else simulated."""
+    known, step = scenario.datasheet, scenario.run.step * scenario.plant.scales.time
+    delay, late = getattr(known, "delay", None), getattr(known, "lag", None)
+    delay = scenario.device.delay if delay is None else delay
+    return float(delay * step + (lag(scenario) if late is None else late * scenario.plant.scales.time))
 
 
 def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup:

@@ -1,4 +1,4 @@
-"""The tables [[electrodes]] and [electronics] of a scenario: a device in volts. All off by default."""
+"""The tables [[electrodes]], [electronics] and [trim] of a scenario: a device in volts. All off by default."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import BeforeValidator, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from .kinds import ELECTRODE_NUMBERS, ELECTRONICS_NUMBERS, listed_fields
+from .kinds import ELECTRODE_NUMBERS, ELECTRONICS_NUMBERS, TRIM_NUMBERS, listed_fields
 from .table import Table, field, message_error, toml_value
 
 MAX_ELECTRODES = 12
@@ -27,9 +27,12 @@ if TYPE_CHECKING:
 
     class _Electronics(_OfCore): ...
 
+    class _Trim(_OfCore): ...
+
 else:
     _Electrode = create_model("_Electrode", __base__=Table, **listed_fields(ELECTRODE_NUMBERS))
     _Electronics = create_model("_Electronics", __base__=Table, **listed_fields(ELECTRONICS_NUMBERS))
+    _Trim = create_model("_Trim", __base__=Table, **listed_fields(TRIM_NUMBERS))
 
 
 class Electrode(_Electrode):
@@ -118,6 +121,22 @@ class Electronics(_Electronics):
             raise message_error(
                 f"electronics.carrier_frequency is {toml_value(self.carrier_frequency)} and "
                 f"electronics.carrier_voltage is {toml_value(self.carrier_voltage)}: a carrier must have both"
+            )
+        return self
+
+
+class Trim(_Trim):
+    """Voltages of the tuning and quadrature electrodes, adjusted while the controller runs. In SI units."""
+
+    @property
+    def on(self) -> bool:
+        return bool(self.tuning != "fixed" or self.quadrature != "fixed")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.on and not self.modulation:
+            raise message_error(
+                "trim.modulation is 0.0: it must be above 0 for a trim, which finds its voltages by this tone"
             )
         return self
 

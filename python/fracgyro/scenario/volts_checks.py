@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from .kinds import PLANT_KINDS
+from .kinds import PLANT_KINDS, SINE_DRIVES, reports
 from .table import message_error, toml_value
 from .volts_core import IDEAL_ELECTRONICS, NO_ELECTRODES, at_bias, has_volts, plant_at_bias
 
 
 def check_volts(scenario: Any) -> None:
     """Raises PydanticCustomError, in one sentence, for the first thing that is wrong with electrodes or electronics."""
+    if scenario.trim.on:
+        _check_trim(scenario)
     if not has_volts(scenario):
         return
     _check_tables(scenario)
@@ -44,6 +47,64 @@ def _check_tables(scenario: Any) -> None:
     for name, one in scenario.electrodes.named():
         if one.role == "pickoff" and not one.bias and not electronics.carrier_voltage:
             raise message_error(f"{name}.bias is 0.0: a pick-off must have a bias or electronics.carrier_voltage")
+
+
+def _check_trim(scenario: Any) -> None:
+    trim, scales = scenario.trim, scenario.plant.scales
+    part = f"trim.{'tuning' if trim.tuning != 'fixed' else 'quadrature'}"
+    on = f"{part} is {toml_value(getattr(trim, part[5:]))}"
+    quadrature = [one for one in scenario.electrodes.of("quadrature") if one.bias and abs(_mixes(one)) > 1e-6]
+    if len(quadrature) != 1:
+        raise message_error(
+            f"{on}: it needs one electrode of role quadrature, with a bias and along x or y, whose nulling has the "
+            f"tone; there are {len(quadrature)}"
+        )
+    if trim.tuning != "fixed":
+        tuning = [one for one in scenario.electrodes.of("tuning") if one.kind == "plate" and not one.axis[0]]
+        if len(tuning) != 1 or len(scenario.electrodes.of("tuning")) != 1:
+            raise message_error(
+                f"{on}: it needs one electrode of role tuning, plates along y; there are {len(tuning)} of "
+                f"{len(scenario.electrodes.of('tuning'))}"
+            )
+    kind, reference = scenario.controller.kind, scenario.reference
+    decay = 2 * scenario.plant.mass / scenario.plant.damping.yy
+    if kind == "open_loop" and trim.interval < 5 * decay:
+        raise message_error(
+            f"trim.interval is {toml_value(trim.interval)}: with controller.kind open_loop, which leaves y to ring, it "
+            f"must be at least 5 times its decay, {5 * decay:.6g} s"
+        )
+    if any(channel.name == "pattern_angle" for channels in reports(kind) for channel in channels):
+        raise message_error(f"{on}: it must be fixed with controller.kind {kind}, whose vibration leaves x")
+    if reference.kinds[0] != "sine" or reference.offset[0] or not reference.amplitude[0]:
+        raise message_error(f"{on}: it needs a reference of kind sine on x, without offset and with an amplitude")
+    own = reference.kinds[1] == "sine" and reference.amplitude[1] and reference.frequency[1] != reference.frequency[0]
+    if kind not in SINE_DRIVES and (own or reference.kinds[1] not in ("sine", "rest")):
+        raise message_error(
+            f"{on}: it needs a reference of y at rest, or with the frequency of x: another vibration hides what y "
+            "answers to the tone"
+        )
+    resonance = float(scenario.reference.frequency[0]) * scales.rate / math.tau
+    if not trim.frequency < resonance / 4:
+        raise message_error(
+            f"trim.frequency is {toml_value(trim.frequency)}: it must be less than a quarter of the vibration's, which "
+            f"is {resonance:.6g} Hz"
+        )
+    if not trim.interval * trim.frequency >= 4:
+        raise message_error(
+            f"trim.interval is {toml_value(trim.interval)}: it must be at least 4 periods of trim.frequency, which is "
+            f"{4 / trim.frequency:.6g} s"
+        )
+    if abs(trim.target) >= trim.frequency:
+        raise message_error(
+            f"trim.target is {toml_value(trim.target)}: its magnitude must be less than trim.frequency, which is "
+            f"{toml_value(trim.frequency)}"
+        )
+
+
+def _mixes(electrode: Any) -> float:
+    """Change of kxy by a volt of its nulling, over the most that it could be."""
+    (c, s) = electrode.axis
+    return float(c * c - s * s)
 
 
 def _check_electronics(scenario: Any) -> None:

@@ -1,4 +1,4 @@
-"""The tables [[electrodes]] and [electronics] as the core's numbers, and what they are at bias."""
+"""The tables [[electrodes]], [electronics] and [trim] as the core's numbers, and what they are at bias."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from .kinds import ELECTRODE_NUMBERS, ELECTRONICS_NUMBERS, core_values
+from .kinds import ELECTRODE_NUMBERS, ELECTRONICS_NUMBERS, TRIM_NUMBERS, core_values
 from .messages import ScenarioError
 from .schema import Plant
 from .table import Symmetric
-from .volts import Electrode, Electrodes, Electronics
+from .volts import Electrode, Electrodes, Electronics, Trim
 
 NO_ELECTRODES = Electrodes()
 IDEAL_ELECTRONICS = Electronics()
@@ -41,6 +41,10 @@ def electronics_numbers(electronics: Electronics) -> list[float]:
 
 def electrode_numbers(electrode: Electrode) -> list[float]:
     return list(core_values(ELECTRODE_NUMBERS, {"electrodes": dict(electrode)}).values())
+
+
+def trim_numbers(trim: Trim) -> list[float]:
+    return list(core_values(TRIM_NUMBERS, {"trim": dict(trim)}).values())
 
 
 IDEAL_NUMBERS = electronics_numbers(IDEAL_ELECTRONICS)

@@ -17,7 +17,7 @@ from ..extras import require
 from ..files import whole_file
 from ..scenario import Scenario
 from ..scenario.kinds import AXES, METRICS, WINDOWS, Channel
-from ..scenario.scales import si_unit
+from ..scenario.scales import VOLT, si_unit
 from .user_controller import UserController
 from .user_plant import UserPlant
 
@@ -86,7 +86,7 @@ def _form(
     coordinates: dict[str, Any] = {}
     leading = ["run"] * (len(shape) - 1)
     for channel in channels:
-        units = units_of([si_unit(unit) for unit in channel.units] if si else ["1"])
+        units = units_of([si_unit(unit) if si or unit == VOLT else "1" for unit in channel.units])
         inner = [channel.dimension] if channel.dimension else []
         if channel.dimension:
             coordinates[channel.dimension] = _fixed(channel.labels)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arguments import pair, short
 from ..scenario import Scenario, ScenarioError, check_scenario
-from ..scenario.device_core import is_ideal
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, plant_numbers, reported_channels
+from ..scenario.device_core import device_channels
+from ..scenario.kinds import LOOP_CHANNELS, Channel, columns, numbers, plant_numbers, reported_channels
 from ..scenario.messages import paths
 from ..scenario.table import format_value
 from ..scenario.to_core import core_numbers, core_setup
@@ -175,7 +175,7 @@ class Loop:
         self._first = scenario
         self._user = None if controller is None else UserController(controller)
         self._own = None if plant is None else UserPlant(plant)
-        self._device = not is_ideal(scenario)
+        self._device = device_channels(scenario)
         setup = core_setup(scenario)
         put_into(self._own, [setup], [scenario])
         self._law: _core.UserController | None = None
@@ -348,14 +348,13 @@ class Loop:
 
     def _rows(self, count: int) -> np.ndarray:
         with running(self._own), self._user.running(self._law) if self._user else nullcontext():
-            rows = self._core.run(count, self._device)
-        width = sum(channel.width for channel in self._channels())
-        return np.asarray(rows).reshape(-1, width)
+            rows = self._core.run(count, columns(self._device))
+        return np.asarray(rows).reshape(-1, columns(self._channels()))
 
     def _channels(self) -> tuple[Channel, ...]:
         if self._user:
             return self._user.channels(self._device)
-        return (*LOOP_CHANNELS, *self._reported, *(DEVICE_CHANNELS if self._device else ()))
+        return (*LOOP_CHANNELS, *self._reported, *self._device)
 
 
 def _resumed_loop(scenario: Scenario, controller: ControllerLike | None, plant: PlantLike | None, state: bytes) -> Loop:

@@ -10,8 +10,8 @@ import xarray as xr
 
 from .. import _core
 from ..scenario import Scenario, bounded, check_scenario
-from ..scenario.device_core import is_ideal
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported_channels
+from ..scenario.device_core import device_channels
+from ..scenario.kinds import LOOP_CHANNELS, Channel, columns, reported_channels
 from ..scenario.to_core import core_setup
 from .dataset import dataset, time_scale
 from .many import check_many, seed_of_each, setups_of, threads_available
@@ -114,7 +114,7 @@ def simulate(
     (('time', 'axis'), 80001)
     """
     check_scenario(scenario)
-    setup, device = core_setup(scenario), not is_ideal(scenario)
+    setup, device = core_setup(scenario), device_channels(scenario)
     own = None if plant is None else UserPlant(plant)
     put_into(own, [setup], [scenario])
     user = None if controller is None else UserController(controller)
@@ -126,7 +126,7 @@ def simulate(
             rows, lasted = user.record([scenario], [setup], every, device, 1)
             channels = user.channels(device)
         else:
-            rows, lasted = _core.record_runs([setup], every, 1, device)
+            rows, lasted = _core.record_runs([setup], every, 1, columns(device))
     samples = int(lasted[0])
     diverged = samples <= scenario.run.steps
     run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, user, plant=own)
@@ -168,7 +168,7 @@ def simulate_many(
     _check_alike(scenarios)
     first, user = scenarios[0], None if controller is None else UserController(controller)
     own_plant = None if plant is None else UserPlant(plant)
-    device = not all(map(is_ideal, scenarios))
+    device = device_channels(*scenarios)
     channels = user.channels(device) if user else _channels(list(map(core_setup, scenarios)), device)
     _check_size(first, channels, len(scenarios) * times)
     threads, every = threads_available(), first.run.record_every
@@ -211,30 +211,34 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
             )
 
 
-def _channels(setups: Sequence[_core.DeviceSetup], device: bool) -> tuple[Channel, ...]:
+def _channels(setups: Sequence[_core.DeviceSetup], device: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Channels of a joint record: all that any controller reports, NaN for the others."""
     found = dict.fromkeys(channel for setup in setups for channel in reported_channels(setup))
-    return (*LOOP_CHANNELS, *found, *(DEVICE_CHANNELS if device else ()))
+    return (*LOOP_CHANNELS, *found, *device)
 
 
 def _record(
-    setups: Sequence[_core.DeviceSetup], every: int, threads: int, device: bool, channels: tuple[Channel, ...]
+    setups: Sequence[_core.DeviceSetup],
+    every: int,
+    threads: int,
+    device: tuple[Channel, ...],
+    channels: tuple[Channel, ...],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows of these channels, (run, sample, column), and the number of samples of each run."""
     groups: dict[tuple[Channel, ...], list[int]] = {}
     for i, setup in enumerate(setups):
         groups.setdefault(_channels([setup], device), []).append(i)
     if list(groups) == [channels]:
-        rows, lasted = _core.record_runs(setups, every, threads, device)
+        rows, lasted = _core.record_runs(setups, every, threads, columns(device))
         return rows, lasted
     starts = dict(zip(channels, np.cumsum([0, *(channel.width for channel in channels)]).tolist(), strict=False))
-    width = sum(channel.width for channel in channels)
+    width = columns(channels)
     whole = np.full((len(setups), setups[0].steps // every + 1, width), np.nan)
     lasted = np.zeros(len(setups), dtype=np.int64)
     for own, places in groups.items():
-        rows, lasted[places] = _core.record_runs([setups[i] for i in places], every, threads, device)
-        columns = [column for channel in own for column in range(starts[channel], starts[channel] + channel.width)]
-        whole[np.ix_(places, range(rows.shape[1]), columns)] = rows
+        rows, lasted[places] = _core.record_runs([setups[i] for i in places], every, threads, columns(device))
+        to = [column for channel in own for column in range(starts[channel], starts[channel] + channel.width)]
+        whole[np.ix_(places, range(rows.shape[1]), to)] = rows
     return whole, lasted
 
 

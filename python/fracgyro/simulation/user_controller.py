@@ -14,7 +14,7 @@ import numpy as np
 from .. import _core
 from ..arguments import short
 from ..scenario import Scenario
-from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, Channel, reports
+from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, VOLTS_CHANNELS, Channel, columns, reports
 from .native import Law
 
 Result = TypeVar("Result")
@@ -85,9 +85,9 @@ class UserController:
         """Name of the function or class."""
         return getattr(self.controller, "__name__", type(self.controller).__name__)
 
-    def channels(self, device: bool) -> tuple[Channel, ...]:
-        """Channels recorded in its runs."""
-        return (*LOOP_CHANNELS, *(self.reports or ()), *(DEVICE_CHANNELS if device else ()))
+    def channels(self, device: tuple[Channel, ...]) -> tuple[Channel, ...]:
+        """Channels recorded in its runs on a device that adds these."""
+        return (*LOOP_CHANNELS, *(self.reports or ()), *device)
 
     def start(self, scenario: Scenario, law: Law | None = None, *, itself: bool = False) -> _core.UserController:
         """The core's controller for one run; `law`: the law of this run, if runs have different ones.
@@ -141,11 +141,17 @@ class UserController:
             self.reports = _channels(law.names)
 
     def record(
-        self, scenarios: Sequence[Scenario], setups: Sequence[_core.DeviceSetup], every: int, device: bool, threads: int
+        self,
+        scenarios: Sequence[Scenario],
+        setups: Sequence[_core.DeviceSetup],
+        every: int,
+        device: tuple[Channel, ...],
+        threads: int,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rows (run, sample, column), NaN after a divergence, and the number of samples of each run."""
+        more = columns(device)
         found = self._each(
-            scenarios, setups, lambda some, users, of: _core.record_runs(some, every, threads, device, users, of)
+            scenarios, setups, lambda some, users, of: _core.record_runs(some, every, threads, more, users, of)
         )
         if any(rows.shape[2] != found[0][0].shape[2] for rows, _ in found):
             raise ValueError("report() of the controller returned other names than in the previous run")
@@ -211,7 +217,8 @@ class UserController:
 def _channels(names: Sequence[tuple[str, int]]) -> tuple[Channel, ...]:
     """Channels of these reports. Raises ValueError for an invalid name."""
     known = {channel.name: channel for kind in KINDS for of in reports(kind) for channel in of}
-    taken = {channel.name for channel in (*LOOP_CHANNELS, *DEVICE_CHANNELS)} | {"time", "axis", "run", "diverged_at"}
+    own = (*LOOP_CHANNELS, *DEVICE_CHANNELS, *VOLTS_CHANNELS)
+    taken = {channel.name for channel in own} | {"time", "axis", "run", "diverged_at"}
     found = []
     for name, width in names:
         own = known.get(name)
