@@ -159,8 +159,11 @@ def check(case: bytes, folder: Path) -> str:
     assert "Traceback" not in said, said
     assert code in (0, 2), (code, said)
     if code == 2:
-        *bar, line = said.split("\n")[:-1]  # which exists if something was run
-        assert not bar or given["words"][0] in ("sweep", "tune"), said
+        *before, line = said.split("\n")[:-1]
+        if given["words"][0] == "check":  # every error
+            assert all(each.startswith("fracgyro: ") and harness.is_sentence(each) for each in before), said
+        else:  # a bar, if something was run
+            assert not before or given["words"][0] in ("sweep", "tune"), said
         assert line.startswith("fracgyro: "), said
         assert harness.is_sentence(line), said
         assert out.getvalue() == "", out.getvalue()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Sequence
@@ -26,7 +25,7 @@ from .arrays import plain_arrays
 from .completion import changes, scenarios
 from .figures import Cell, followed, left_out, of_one, of_seeds, plain, reported, rows, shown
 from .options import controller_option, jobs_option, own_controller, own_plant, scenario_argument
-from .terminal import print_table, progress
+from .terminal import json_text, print_table, progress
 
 MAX_SEEDS = 10**6
 BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that are not valid TOML
@@ -86,7 +85,7 @@ def simulate_command(
     if as_json:
         parts = [*tasks, *followed(chosen, figures)]
         content = {name: plain(values, cell) for part in parts for name, values in part.items()}
-        click.echo(json.dumps(content | about, allow_nan=False))
+        click.echo(json_text(content | about))
         return
     steady, si = chosen.run.duration >= TRANSIENT, chosen.run.units == "SI"
     titles = ("metric", "value" if seeds is None else "mean [95 %]", "unit")

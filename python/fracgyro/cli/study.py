@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,7 +13,7 @@ from ..scenario.table import toml_value
 from ..simulation.user_controller import controller_words
 from .completion import toml_files
 from .options import controller_option, jobs_option, own_controller
-from .terminal import print_table, progress
+from .terminal import json_text, print_table, progress
 
 if TYPE_CHECKING:
     from ..study.preview import Preview
@@ -35,7 +34,7 @@ def _folder(out: Path | None) -> Path:
 def _print_preview(found: Preview, points: str, as_json: bool) -> None:
     """Prints the size of a study that is not run."""
     if as_json:
-        click.echo(json.dumps(asdict(found)))
+        click.echo(json_text(asdict(found)))
         return
     click.echo(f"{found.runs} runs: {found.points} {points}, {found.seeds} seeds, {found.steps:.3g} steps in all")
     click.echo(f"estimated time on this machine: {found.time}")
@@ -76,7 +75,7 @@ def sweep(
             study, _folder(out), controller=own, resume=resume, scheduler=scheduler, jobs=jobs, progress=show
         )
     if as_json:
-        click.echo(json.dumps(asdict(result), default=str))
+        click.echo(json_text(asdict(result)))
         return
     new = result.runs - result.resumed
     found = f" ({result.resumed} already finished)" if result.resumed and new else ""
@@ -117,7 +116,7 @@ def tune(
     with progress("starting") as show:
         result = run_all(study, _folder(out), controller=own, resume=resume, jobs=jobs, progress=show)
     if as_json:
-        click.echo(json.dumps(_finite(asdict(result)), default=str))
+        click.echo(json_text(asdict(result)))
         return
     for objective in result.held_out.objectives:
         values = f"{objective.tuned:.4g}, base {objective.base:.4g}"
@@ -129,12 +128,3 @@ def tune(
         click.echo(f"controller: {controller_words(result.controller)}")
     found = f"{result.trials} trials, {result.feasible} feasible, the best is number {result.trial}"
     click.echo(f"{found}; {result.seconds:.0f} s. Scenario: {result.scenario}, report: {result.report}")
-
-
-def _finite(value: Any) -> Any:
-    """Values for JSON: NaN and infinity become null."""
-    if isinstance(value, dict):
-        return {name: _finite(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    return None if isinstance(value, float) and not -float("inf") < value < float("inf") else value

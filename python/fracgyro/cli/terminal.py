@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import Any
 
 MAX_WIDTH = 10_000  # columns of a table; a narrow terminal breaks lines, but no text is cut off
 
@@ -18,6 +20,19 @@ def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*row)
     Console(soft_wrap=True, width=MAX_WIDTH).print(table)
+
+
+def json_text(content: Any) -> str:
+    """The content as JSON, which has no NaN and no infinity: they become null. Paths become text."""
+    return json.dumps(_finite(content), default=str, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not -float("inf") < value < float("inf") else value
 
 
 @contextmanager

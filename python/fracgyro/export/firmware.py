@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
+import math
 import os
 import shutil
 from importlib.metadata import version
@@ -10,7 +12,7 @@ from pathlib import Path
 
 from .. import _core
 from ..files import whole_folder
-from ..scenario import Scenario
+from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
 from ..scenario.scales import si_unit
@@ -157,7 +159,13 @@ def _report(channels: tuple[Channel, ...]) -> list[str]:
 
 def _example(scenario: Scenario, setup: _core.DeviceSetup, channels: tuple[Channel, ...], number: Number) -> list[str]:
     """Data of the example main.c: gyroscope, initial motion and names of the reports."""
-    rows = [list_text(map(float, row), number) for row in _core.plant_map(setup)]
+    moves = [list(map(float, row)) for row in _core.plant_map(setup)]
+    if not all(map(math.isfinite, itertools.chain(*moves))):
+        raise ScenarioError(
+            f"run.step is {scenario.run.step:g}: over it the motion of this plant is beyond all numbers; it must be "
+            "shorter, or damping and stiffness be smaller"
+        )
+    rows = [list_text(row, number) for row in moves]
     start = list_text((*scenario.run.initial_position, *scenario.run.initial_velocity), number)
     names = [f'"{name}"' for channel in channels for name in columns(channel)] or ['""']
     return [
