@@ -122,6 +122,17 @@ TEST(Electrodes, TheirForceIsTheGradientOfTheirEnergy) {
     }
 }
 
+TEST(Electrodes, TheirCapacitanceIsThatOfTheirEnergy) {
+    for (ElectrodeParams p : every_electrode()) {
+        if (p.role == ElectrodeRole::quadrature) {
+            continue;  // no pick-off
+        }
+        p.offset = 0.0;
+        const double wanted = 2.0 * energy(p, 0.0, 0.0, 0.0) / (p.bias * p.bias);
+        EXPECT_NEAR(Electrode(p, {}, false).capacitance(), wanted, 1e-9 * wanted);
+    }
+}
+
 TEST(Electrodes, TheirSofteningAndGainAreTheSlopesOfTheirForce) {
     const ElectrodeScales scales{.force = 2e-6, .length = 5e-7};
     const double d = 1e-5;

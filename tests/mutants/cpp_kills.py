@@ -32,7 +32,8 @@ PYTHON = [
     "bounded", "claims", "compensation", "composite", "conventional", "device", "disturbance", "dynamic_sliding",
     "fixed_time", "fractional", "integral_sliding", "internal_model", "joint", "kernel", "kinds", "lanes", "law_rate",
     "linear_term", "lock_in", "loop", "lqg", "metrics", "modes", "motion_filter", "network", "pickoffs",
-    "plant_and_loop", "prescribed", "rate_means", "resonant", "settings", "temperature", "user_controller", "volts",
+    "plant_and_loop", "prescribed", "rate_means", "reference_kinds", "resonant", "settings", "temperature", "trim",
+    "user_controller", "user_plant", "volts",
 ]  # fmt: skip
 LONGEST = 20.0  # s of tests for one mutant, the quickest first
 STUCK = 600.0  # s of waiting for nothing
