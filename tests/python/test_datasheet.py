@@ -135,6 +135,21 @@ def test_the_steps_of_the_drivers_count_as_white_noise() -> None:
     assert walk.note.startswith(f"{100 * share:.3g} % of the power of all other noise")
 
 
+def test_the_noise_of_the_drivers_counts_as_force() -> None:
+    thermal = {"disturbance": {"kind": "noise", "density": 8.66e-16}, "reference.kind": "sine"}
+    pushed = both(combs, "force", gap=1e-3, count=100_000, noise=1e-5)
+    made = STILL.replace({**thermal, "electrodes": [*pushed, *both(combs, "pickoff")]})
+    found = {each.key: each for each in volts_figures(Sensor.of(made, 2))}
+    # One-sided in N^2/Hz; half of it is two-sided, in units of (m omega0^2 q0)^2/omega0.
+    density = 0.5 * (1e-5 * 5.0 * SLOPE / PLANT.scales.force) ** 2 / PLANT.scales.time
+    walk, of_heat = found["bound_drivers"], found["bound_thermal"]
+    assert walk.value == pytest.approx(of_heat.value * math.sqrt(density / 8.66e-16), rel=1e-9)
+    quiet = made.replace({"electrodes": [{**dict(one), "noise": 0.0} for one in made.electrodes.each]})
+    without = {each.key: each.value for each in volts_figures(Sensor.of(quiet, 2))}
+    assert of_heat.value == pytest.approx(without["bound_thermal"], rel=1e-9)
+    assert "bound_drivers" not in without
+
+
 def test_a_spring_common_to_both_axes_ripples_at_the_split_and_others_do_not() -> None:
     """An isotropic quartic of 1 Hz at the amplitude: 127 deg/s after a filter of 100 Hz."""
     made = fg.Scenario.shipped("dual_mass")

@@ -96,6 +96,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("offset", {"electrodes": [plates("tuning", 0.0, offset=4e-6)]}, "electrodes[0].offset is 4e-06: its magnitude"),
     ("kind", {"electrodes": [combs("quadrature", 0.0)]}, 'electrodes[0].kind is "comb": it must be skewed'),
     ("nulling", {"electrodes": [plates("tuning", 0.0, nulling=1.0)]}, "electrodes[0].nulling is 1.0: it must be 0.0"),
+    ("noise", {"electrodes": [plates("tuning", 0.0, noise=1e-6)]}, "electrodes[0].noise is 1e-06: it must be 0.0"),
     ("bits", {"electrodes": both(combs, "force", bits=12)}, "electrodes[0].bits is 12 and electrodes[0].range is inf"),
     ("bias", {"electrodes": both(combs, "force", bias=0.0)}, "electrodes[0].bias is 0.0: it must be other than 0"),
     ("axes", {"electrodes": [combs("force", 0.0)]}, "electrodes of role force have one direction"),
@@ -156,10 +157,13 @@ def test_what_is_told_is_the_nominal_device() -> None:
 
 
 def test_noise_of_the_amplifiers_and_steps_of_the_driver_are_told() -> None:
-    made = in_volts(CHARGE, [*both(combs, "force", range=10.0, bits=12), *both(combs, "pickoff")])
+    amplified = {**CHARGE, "electronics.current_noise": 3e-14}
+    made = in_volts(amplified, [*both(combs, "force", range=10.0, bits=12), *both(combs, "pickoff")])
     slope, comb = 4 * 200 * EPSILON * 6e-5 / 2e-6, 4 * 200 * EPSILON * 6e-5 * 2e-5 / 2e-6
     omega = math.sqrt(at_bias_stiffness(made) / made.plant.mass)
-    wanted = math.hypot(5e-9 * (comb + 4e-12), math.sqrt(4 * BOLTZMANN * 300 / 1e7) / omega) / (5.0 * slope)
+    wanted = math.hypot(5e-9 * (comb + 4e-12), math.hypot(math.sqrt(4 * BOLTZMANN * 300 / 1e7), 3e-14) / omega) / (
+        5.0 * slope
+    )
     assert at_bias(made).noise[0] == pytest.approx(wanted, rel=1e-12)
     step = made.run.step * made.plant.scales.time
     deviations = np.sqrt(sensor_variance(device_values(made), "position")) * made.plant.scales.length
@@ -169,6 +173,25 @@ def test_noise_of_the_amplifiers_and_steps_of_the_driver_are_told() -> None:
     code = float(at_bias(made).gain[0]) * 20.0 / 2**12 / made.plant.scales.force
     assert by_steps.force_noise == pytest.approx(code / math.sqrt(12))
     assert assumed.force_noise == 0.0  # the joint filter takes the code itself
+
+
+def test_noise_of_the_drivers_is_white_stated_and_as_large_as_it_says() -> None:
+    """A density n up to half the sampling frequency f is n sqrt(f/2) V, and gives the force of a volt times that."""
+    drivers = [combs("force", 0.0, noise=2e-6), combs("force", math.pi / 2, noise=5e-6)]
+    made = in_volts(electrodes=[*drivers, *both(combs, "pickoff")])
+    step, scales = made.run.step * made.plant.scales.time, made.plant.scales
+    wanted = np.array([2e-6, 5e-6]) * math.sqrt(0.5 / step)
+    rest = {"run.initial_position": (0.0, 0.0), "run.initial_velocity": (0.0, 0.0)}
+    still = made.replace({**rest, "run.record_every": 1, "run.duration": 500.0})
+    run = fg.simulate(still, controller=lambda sample: (0.0, 0.0))
+    volts = run["drive_voltage"].values
+    np.testing.assert_allclose(volts.std(axis=0), wanted, rtol=0.03)
+    correlation = np.corrcoef(np.concatenate([volts[1:], volts[:-1]], axis=1).T)
+    assert np.abs(correlation - np.eye(4)).max() < 0.04
+    gain = float(at_bias(made).gain[0])
+    forces = run["applied_control"].values * scales.force
+    np.testing.assert_allclose(forces, gain * volts, rtol=1e-9)
+    assert datasheet(made).force_noise == pytest.approx(gain * wanted[1] / scales.force)
 
 
 def at_bias_stiffness(made: fg.Scenario) -> float:

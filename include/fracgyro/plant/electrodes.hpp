@@ -35,6 +35,7 @@ struct ElectrodeParams {
     double bias = 0.0, nulling = 0.0;  // V, and v of the four groups
     double range = std::numeric_limits<double>::infinity();
     int bits = 0;
+    double noise = 0.0;
 
     static constexpr std::string_view roles[] = {"force", "tuning", "quadrature", "pickoff"},
                                       kinds[] = {"plate", "comb", "skewed"}, switches[] = {"false", "true"};
@@ -70,6 +71,8 @@ struct ElectrodeParams {
             field("range", &P::range, "V", limit, "> 0: role force, largest voltage of its driver. inf: off."),
             field("bits", &P::bits, "1", bits,
                   "Role force: bits of its converter, over plus and minus the range. 0: off."),
+            field("noise", &P::noise, "V/sqrt(Hz)", at_least_0,
+                  "Role force: one-sided density of white noise of its driver, drawn every step. 0.0: off."),
         };
     }
 };

@@ -78,8 +78,8 @@ inline AtBias at_bias(const VoltsParams& p, const Vec2<double>& stiffness = {1.0
     return found;
 }
 
-// White noise of a device in volts: that of the amplifiers takes the place of the position's, with a deviation for each
-// axis.
+// White noise of a device in volts, with a deviation for each axis: that of the amplifiers takes the place of the
+// position's, that of the drivers adds to their voltages.
 class VoltsNoise {
 public:
     VoltsNoise(const VoltsParams& p, const GyroscopeParams& plant, std::uint64_t seed, double step) : on_(p.present) {
@@ -89,13 +89,28 @@ public:
             const bool noisy = density.x() > 0.0 || density.y() > 0.0;
             amplifier_ = Disturbance(white(noisy ? 1.0 : 0.0, seed, 1), step);
             jitter_ = Disturbance(white(p.electronics.jitter * p.rate, seed, 7), step);
+            const Vec2<double> drive = drive_noise(p);
+            drive_deviation_ = square_root(0.5 * p.rate / step) * drive;
+            drive_ = Disturbance(white(drive.x() > 0.0 || drive.y() > 0.0 ? 1.0 : 0.0, seed, 8), step);
         }
     }
     bool on() const { return on_; }
     Vec2<double> amplifier(std::int64_t n) { return deviation_ * amplifier_(n); }
     Vec2<double> jitter(std::int64_t n) { return jitter_(n); }
+    Vec2<double> drive(std::int64_t n) { return drive_deviation_ * drive_(n); }  // V
 
 private:
+    // V/√Hz of the drivers of x and y.
+    static Vec2<double> drive_noise(const VoltsParams& p) {
+        Vec2<double> found{};
+        for (const ElectrodeParams& each : p.electrodes) {
+            if (each.role == ElectrodeRole::force) {
+                const Vec2<double> n = Electrode(each, p.scales(), true).direction();
+                found = {n.x() != 0.0 ? each.noise : found.x(), n.y() != 0.0 ? each.noise : found.y()};
+            }
+        }
+        return found;
+    }
     static DisturbanceParams white(double standard_deviation, std::uint64_t seed, std::uint32_t stream) {
         return {.kind = standard_deviation > 0.0 ? DisturbanceKind::noise : DisturbanceKind::none,
                 .standard_deviation = standard_deviation,
@@ -105,7 +120,8 @@ private:
 
     bool on_;
     Vec2<double> deviation_{};
-    Disturbance amplifier_{{}, 1.0}, jitter_{{}, 1.0};
+    Vec2<double> drive_deviation_{};
+    Disturbance amplifier_{{}, 1.0}, jitter_{{}, 1.0}, drive_{{}, 1.0};
 };
 
 struct Volts {
@@ -124,6 +140,7 @@ struct Volts {
     struct State {
         Readout::State readout{};
         Voltages volts{}, volts_before{};  // in this step, in the one before
+        Vec2<double> noise{};              // drivers, V
         Vec2<double> bent{};               // p(q) - q
         Vec2<double> code{};               // the force that the last code is meant to be
         std::int64_t touched = 0;          // 1 + place of the electrode that the mass touches
@@ -191,7 +208,7 @@ struct Volts {
     // The force that acts linearly for the force asked for, which sets the voltages. `measured`: the position known.
     static Vec2<double> drive(State& state, const Coefficients& c, const Vec2<double>& asked,
                               const Vec2<double>& measured) {
-        state.volts.drive = volts(c, asked, grown(c, measured));
+        state.volts.drive = volts(c, asked, grown(c, measured)) + state.noise;
         return c.force_per_volt * state.volts.drive;
     }
     // The force that a designer knows the code for this force to mean.

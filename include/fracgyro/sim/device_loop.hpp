@@ -115,7 +115,7 @@ struct DeviceGyroscope {
     struct Drawn {
         Vec2<double> disturbance;
         DeviceDraw device;
-        Vec2<double> jitter{};
+        Vec2<double> jitter{}, drive{};
     };
     // All noise drawn in a run.
     class Draw {
@@ -130,6 +130,7 @@ struct DeviceGyroscope {
             if (volts_.on()) {
                 drawn.device.noise.position = drawn.device.noise.position + volts_.amplifier(n);
                 drawn.jitter = volts_.jitter(n);
+                drawn.drive = volts_.drive(n);
             }
             return drawn;
         }
@@ -180,6 +181,7 @@ struct DeviceGyroscope {
         Motion<double> seen = state.motion;
         if (c.volts.on) {
             seen.position = state.volts.readout.reading + drawn.jitter * seen.velocity;
+            state.volts.noise = drawn.drive;
         }
         state.measured = Imperfections::sense(state.device, c.device, seen, drawn.device);
         return state.measured;

@@ -129,6 +129,8 @@ def noise_of(scenario: Scenario) -> Noise | None:
     position, velocity = (sensor_variance(device, of) * step for of in ("position", "velocity"))
     if scenario.device.sensing == "position":
         velocity = np.full(2, math.inf)
+    # Mean power of both axes, as a bound has one density of the force.
+    force += float(np.mean(np.square(device["drive_noise"]))) * step
     noise = Noise(force, position, velocity)
     return noise if scenario.disturbance.random or noise.of_sensing else None
 

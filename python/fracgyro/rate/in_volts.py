@@ -120,7 +120,11 @@ def _noise(scenario: Scenario) -> list[Result]:
     if all_of_them is None:
         return []
     quiet = replace(noise, force=0.0, position=np.zeros(2))
-    cases: dict[str, tuple[str, Noise]] = {"thermal": ("the thermal force", replace(quiet, force=noise.force))}
+    driven = float(np.mean(np.square(device_values(still)["drive_noise"]))) * still.run.step
+    cases: dict[str, tuple[str, Noise]] = {
+        "thermal": ("the thermal force", replace(quiet, force=noise.force - driven)),
+        "drivers": ("the noise of the drivers", replace(quiet, force=driven)),
+    }
     for name, (words, _) in NOISES.items():
         amplifiers = np.array(device_values(only_noise(still, name))["amplifier_noise"])
         cases[name] = words, replace(quiet, position=amplifiers**2 * still.run.step)

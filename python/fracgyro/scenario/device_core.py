@@ -13,7 +13,7 @@ from .device import GAIN_DRIFTS, MATRIX_DRIFTS, Device
 from .kinds import DEVICE_CHANNELS, VOLTS_CHANNELS, Channel
 from .points import Points
 from .scenario import Scenario
-from .volts_core import NO_ELECTRODES, at_bias, drive, has_volts
+from .volts_core import NO_ELECTRODES, at_bias, drive, drive_noise, has_volts
 
 IDEAL = Device()
 
@@ -63,12 +63,15 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
     # A white density N up to the corner f_c is that of flicker noise A^2/omega at f_c: A = N sqrt(pi f_c).
     to_flicker = math.sqrt(2 * math.pi * step * scales.time)
     cubic = scales.length * scales.length / scales.stiffness
-    volts = {"amplifier_noise": (0.0, 0.0), "drive_limit": (math.inf, math.inf), "drive_step": (0.0, 0.0)}
+    volts = {"amplifier_noise": (0.0, 0.0), "drive_limit": (math.inf, math.inf)}
+    volts |= {"drive_step": (0.0, 0.0), "drive_noise": (0.0, 0.0)}
     if has_volts(scenario):
         (noise_x, noise_y), (most, steps) = at_bias(scenario).noise, drive(scenario)
         volts["amplifier_noise"] = (to_deviation * noise_x / scales.length, to_deviation * noise_y / scales.length)
         volts["drive_limit"] = (most[0] / scales.force, most[1] / scales.force)
         volts["drive_step"] = (steps[0] / scales.force, steps[1] / scales.force)
+        driven_x, driven_y = drive_noise(scenario)
+        volts["drive_noise"] = (to_deviation * driven_x / scales.force, to_deviation * driven_y / scales.force)
     return (
         dict(vars(d))
         | volts

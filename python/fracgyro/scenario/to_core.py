@@ -131,7 +131,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     converted = 0.0 if force_aware(scenario) else max(device["drive_step"]) / math.sqrt(12)
     amplified = math.hypot(*device["amplifier_noise"]) / math.sqrt(2)
     values = {
-        "force_noise": rounded(math.hypot(white_noise(scenario), converted), "actuator"),
+        "force_noise": rounded(math.hypot(white_noise(scenario), converted, max(device["drive_noise"])), "actuator"),
         "position_noise": rounded(math.hypot(device["position_noise"], amplified), "position"),
         "velocity_noise": rounded(device["velocity_noise"], "velocity"),
         "delay": min(device["delay"], MAX_DELAY),
@@ -230,7 +230,8 @@ def _force_tolerance(scenario: Scenario, found: Derived) -> float:
     clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device["delay"] or scenario.electronics.update_delay else 0.0
     converter = _resolution(device, "actuator") + float(max(device["drive_step"]))
-    return min(1e9, MIN_TOLERANCE + largest_force(scenario) + converter + clipped + late)
+    drivers = MAX_DEVIATIONS * float(max(device["drive_noise"]))
+    return min(1e9, MIN_TOLERANCE + largest_force(scenario) + converter + drivers + clipped + late)
 
 
 def _resolution(device: Mapping[str, Any], quantity: str) -> float:

@@ -79,6 +79,10 @@ class Electrodes(Table):
                     f"{name}.nulling is {toml_value(one.nulling)}: it must be 0.0 for role {one.role}; only quadrature "
                     "has it"
                 )
+            if one.noise and one.role != "force":
+                raise message_error(
+                    f"{name}.noise is {toml_value(one.noise)}: it must be 0.0 for role {one.role}, without driver"
+                )
             if one.bits and not math.isfinite(one.range):
                 raise message_error(
                     f"{name}.bits is {one.bits} and {name}.range is inf: a converter must have a finite range"

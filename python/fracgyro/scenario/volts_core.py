@@ -104,6 +104,16 @@ def drive(scenario: Any) -> tuple[tuple[float, float], tuple[float, float]]:
     return (most[0], most[1]), (steps[0], steps[1])
 
 
+def drive_noise(scenario: Any) -> tuple[float, float]:
+    """Density of the noise of the forces of x and y by their drivers, N/sqrt(Hz), one-sided."""
+    found, gain = [0.0, 0.0], at_bias(scenario).gain[[0, 2]]
+    for one in scenario.electrodes.of("force"):
+        for axis in (0, 1):
+            if one.axis[axis]:
+                found[axis] = one.noise * abs(float(gain[axis]))
+    return found[0], found[1]
+
+
 def bias_rows(scenario: Any) -> list[tuple[str, str]]:
     """Figures of a device in volts at bias, as text: name and value. Raises ScenarioError without electrodes."""
     if scenario.electrodes == NO_ELECTRODES:
@@ -124,6 +134,8 @@ def bias_rows(scenario: Any) -> list[tuple[str, str]]:
         rows.append(("force per volt", two(at.gain[[0, 2]], "N/V")))
         most, steps = drive(scenario)
         rows += [("full scale", two(most, "N")), ("one step of the converters", two(steps, "N"))]
+        if any(noise := drive_noise(scenario)):
+            rows.append(("noise of the drivers", two(noise, "N/sqrt(Hz)")))
     if scenario.electrodes.of("pickoff"):
         rows += [("charge of the pick-offs", two(at.charge[[0, 2]], "C/m")), ("capacitance", two(at.capacitance, "F"))]
         if at.noise.any():
