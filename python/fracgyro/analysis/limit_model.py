@@ -167,7 +167,7 @@ def _check(scenario: Scenario) -> None:
 
 def _force_variance(scenario: Scenario) -> float:
     """Variance of the disturbance, which is white from step to step, and of the quieter of the drivers."""
-    total, step = min(device_values(scenario)["drive_noise"]) ** 2, scenario.run.step
+    total, step = float(min(device_values(scenario)["drive_noise"])) ** 2, scenario.run.step
     for name, entry in named_entries(scenario.disturbance):
         if entry.kind == "none":
             continue

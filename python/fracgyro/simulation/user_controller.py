@@ -217,8 +217,8 @@ class UserController:
 def _channels(names: Sequence[tuple[str, int]]) -> tuple[Channel, ...]:
     """Channels of these reports. Raises ValueError for an invalid name."""
     known = {channel.name: channel for kind in KINDS for of in reports(kind) for channel in of}
-    own = (*LOOP_CHANNELS, *DEVICE_CHANNELS, *VOLTS_CHANNELS)
-    taken = {channel.name for channel in own} | {"time", "axis", "run", "diverged_at"}
+    recorded = (*LOOP_CHANNELS, *DEVICE_CHANNELS, *VOLTS_CHANNELS)
+    taken = {channel.name for channel in recorded} | {"time", "axis", "run", "diverged_at"}
     found = []
     for name, width in names:
         own = known.get(name)
