@@ -136,7 +136,8 @@ SETTINGS: dict[str, dict[str, Changes]] = {
 TRIM: Changes = {
     "controller.kind": "force_rebalance",
     "run.initial_position": (0.0, 0.0),
-    "trim": {"tuning": "split", "quadrature": "null", "interval": 4.2e-3, "modulation": 1.0, "frequency": 970.0},
+    "trim": {"tuning": "split", "quadrature": "null", "modulation": 5.0},
+    "run.duration": 1000.0,  # two intervals
 }
 FAULTS = ("lost", "frozen", "inverted", "doubled", "exchanged")
 DURATION = 1.5  # 1/omega0, 1,500 steps
@@ -230,7 +231,7 @@ def runs() -> Iterator[tuple[str, fg.Scenario, Changes]]:
             changes = {"adaptation.kind": adaptation, "run.duration": SHIPPED_STEPS * base.run.step}
             yield f"sliding_mode, joint: {name}, {adaptation}", base, changes
     base = named("dual_mass_volts")
-    yield "conventional: trim", base, {**TRIM, "run.duration": SHIPPED_STEPS * base.run.step}
+    yield "conventional: trim", base, TRIM
 
 
 def rate_figures() -> Iterator[tuple[str, list[float]]]:

@@ -162,12 +162,15 @@ def electrodes(drive: dict[str, object]) -> list[dict[str, object]]:
 SMALL = {"reference.amplitude": (0.1, 0.1), "run.initial_position": (0.0, 0.1), "run.initial_velocity": (0.1, 0.0)}
 VOLTS = DUAL.replace({**SMALL, "electrodes": electrodes(PLATE)})
 SILENT = VOLTS.replace({"device.position_noise_density": 0.0, "electronics.feedback_capacitance": 1e-12})  # C_f
-OF_TRIM = [
-    {"role": "tuning", **PLATE, "angle": math.pi / 2},
-    {"role": "quadrature", **COMB, "kind": "skewed", "gap": 5e-6, "ratio": 2.5, "count": 30},
-]
-TRIM = {"tuning": "split", "quadrature": "null", "interval": 4.2e-3, "modulation": 1.0, "frequency": 970.0}
-TRIMMED = VOLTS.replace({"electrodes": electrodes(PLATE) + OF_TRIM, "trim": TRIM, "run.duration": 240.0})
+# Until after the first interval, which ends at 452.
+TRIMMED = fg.Scenario.shipped("dual_mass_volts").replace(
+    {
+        "reference.kind": ["sine", "rest"],
+        "run.initial_position": (0.0, 0.0),
+        "run.duration": 480.0,
+        "trim": {"tuning": "split", "quadrature": "null", "modulation": 5.0},
+    }
+)
 CHARGE = {"electronics.amplifier": "charge", "electronics.feedback_resistance": 1e7, "electronics.voltage_noise": 5e-9}
 AMPLIFIED = SILENT.replace(CHARGE)
 CARRIER = AMPLIFIED.replace({"electronics.carrier_frequency": 1e6, "electronics.carrier_voltage": 1.0})
@@ -291,10 +294,10 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.S
     **{f"electronics.{name}": (VOLTS, 1e-7) for name in ("sample_delay", "update_delay", "aperture", "jitter")},
     "trim.tuning": (TRIMMED, "fixed"),
     "trim.quadrature": (TRIMMED, "fixed"),
-    "trim.interval": (TRIMMED, 5e-3),
+    "trim.interval": (TRIMMED, 0.019),
     "trim.gain": (TRIMMED, 0.5),
-    "trim.modulation": (TRIMMED, 2.0),
-    "trim.frequency": (TRIMMED, 960.0),
+    "trim.modulation": (TRIMMED, 6.0),
+    "trim.frequency": (TRIMMED, 310.0),
     "trim.target": (TRIMMED, 10.0),
     "run.duration": ({}, 0.15),
     "run.step": ({}, 5e-4),
