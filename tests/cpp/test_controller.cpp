@@ -2,6 +2,7 @@
 #include "scalars.hpp"
 
 #include "fracgyro/control/course.hpp"
+#include "fracgyro/control/table_spline.hpp"
 
 #include <cmath>
 #include <vector>
@@ -143,6 +144,123 @@ TEST(HeldPoint, OfACourseIsThatOfTheSineForSinesAndTheMotionInTheMiddleForOthers
             expect_equal(rest.velocity, {0.0, 0.0});
         }
     }
+}
+
+// -- References of other kinds
+
+constexpr double ms = 1e-3;
+
+Course course_of(ReferenceKind kind, ReferenceParams p, std::span<const TableRow> rows = {}) {
+    p.kind = {kind, kind};
+    return make_course(p, ms, {}, rows);
+}
+struct Point {
+    double position = 0.0, velocity = 0.0, acceleration = 0.0;
+};
+void expect_point(const Course& course, double time, const Point& x, double tolerance) {
+    const auto found = course_at(course, static_cast<std::uint64_t>(std::llround(time / ms)), 0.0);
+    EXPECT_NEAR(found.position.x(), x.position, tolerance) << time;
+    EXPECT_NEAR(found.velocity.x(), x.velocity, tolerance) << time;
+    EXPECT_NEAR(found.acceleration.x(), x.acceleration, tolerance) << time;
+}
+
+TEST(Course, AChirpSweepsItsFrequencyAndStaysAtTheLast) {
+    constexpr double a = 3.0, from = 2.0, to = 7.0, start = 0.5, end = 3.0, growth = (to - from) / (end - start);
+    const Course course = course_of(ReferenceKind::chirp, {.amplitude = {a, a},
+                                                           .frequency = {from, from},
+                                                           .phase = {0.3, 0.3},
+                                                           .start = start,
+                                                           .end = end,
+                                                           .final_frequency = {to, to}});
+    const auto wanted = [&](double angle, double frequency, double grows) {
+        return Point{a * std::sin(angle), a * frequency * std::cos(angle),
+                     a * (grows * std::cos(angle) - frequency * frequency * std::sin(angle))};
+    };
+    for (const double t : {0.0, 0.3, 1.1, 2.4}) {
+        expect_point(course, start + t, wanted(0.3 + (from + 0.5 * growth * t) * t, from + growth * t, growth), 1e-11);
+    }
+    const double length = end - start, at_end = 0.3 + (from + 0.5 * growth * length) * length;
+    for (const double t : {0.0, 0.2, 5.0}) {
+        expect_point(course, end + t, wanted(at_end + to * t, to, 0.0), 1e-10);
+    }
+    expect_point(course, 0.4, {}, 0.0);
+    EXPECT_NEAR(course.equivalent.amplitude.x(), a, 1e-12);
+    EXPECT_NEAR(course.equivalent.frequency.x(), std::sqrt((from * from + from * to + to * to) / 3.0), 1e-12);
+}
+
+TEST(Course, StepsAndStaircasesPassTheFilter) {
+    constexpr double constant = 0.2, height = -3.0;
+    const auto response = [&](double t) {  // 1/(1 + s T)³
+        const double x = t / constant, e = std::exp(-x);
+        return Point{height * (1.0 - e * (1.0 + x + 0.5 * x * x)), height * e * 0.5 * x * x / constant,
+                     height * e * (x - 0.5 * x * x) / (constant * constant)};
+    };
+    const Course step =
+        course_of(ReferenceKind::step, {.amplitude = {height, height}, .start = 1.0, .smoothing = constant});
+    expect_point(step, 0.9, {}, 0.0);
+    for (const double t : {0.0, 0.1, 0.5, 2.0}) {
+        expect_point(step, 1.0 + t, response(t), 1e-12);
+    }
+    const Course stairs =
+        course_of(ReferenceKind::staircase,
+                  {.amplitude = {height, height}, .start = 1.0, .hold = 0.5, .levels = 100.0, .smoothing = constant});
+    expect_point(stairs, 1.3, response(0.3), 1e-12);
+    const Point first = response(0.9), second = response(0.4);
+    expect_point(
+        stairs, 1.9,
+        {first.position + second.position, first.velocity + second.velocity, first.acceleration + second.acceleration},
+        1e-11);
+    expect_point(stairs, 1000.0, {100.0 * height, 0.0, 0.0}, 1e-9);
+}
+
+// Rows at uneven times, of which the fifth degree between two is the whole motion.
+TEST(Course, ATableOfAPolynomialOfFifthDegreeIsThatPolynomial) {
+    const auto motion = [](double t) {
+        return Point{1.0 - 2.0 * t + 0.5 * t * t - 0.25 * t * t * t + 0.125 * std::pow(t, 4) - 0.03 * std::pow(t, 5),
+                     -2.0 + t - 0.75 * t * t + 0.5 * t * t * t - 0.15 * std::pow(t, 4),
+                     1.0 - 1.5 * t + 1.5 * t * t - 0.6 * t * t * t};
+    };
+    std::vector<TableRow> rows;
+    for (const double t : {0.5, 0.6, 0.65, 1.4, 1.5, 2.9, 3.0, 3.1, 3.2, 3.3}) {
+        const Point x = motion(t);
+        rows.push_back({t, {x.position, 0.0}, {x.velocity, 0.0}, {x.acceleration, 0.0}});
+    }
+    const Course course = course_of(ReferenceKind::table, {}, rows);
+    for (const double t : {0.5, 0.55, 0.6, 0.64, 0.7, 1.0, 1.399, 1.45, 2.0, 2.899, 2.95, 3.05, 3.15, 3.299}) {
+        expect_point(course, t, motion(t), 1e-11);
+    }
+    expect_point(course, 0.1, {motion(0.5).position, 0.0, 0.0}, 0.0);
+    expect_point(course, 9.0, {motion(3.3).position, 0.0, 0.0}, 0.0);
+}
+
+TEST(Course, TheEquivalentSineOfATableHasItsMeanSquaresAboutItsMean) {
+    const std::vector<TableRow> rows{{.time = 0.0, .position = {1.0, 0.0}, .velocity = {0.5, 0.0}},
+                                     {.time = 1.0, .position = {3.0, 0.0}, .velocity = {-0.5, 0.0}}};
+    const Course course = course_of(ReferenceKind::table, {}, rows);
+    EXPECT_NEAR(course.equivalent.amplitude.x(), std::sqrt(2.0), 1e-15);
+    EXPECT_NEAR(course.equivalent.frequency.x(), 0.5, 1e-15);
+}
+
+TEST(TableSpline, IsACubicThatIsSampledUnevenlyAndEndsWithTheSlopesOfFourRows) {
+    std::vector<TableRow> rows;
+    for (const double t : {0.5, 0.6, 1.4, 1.5, 2.9, 3.0, 3.3, 4.0}) {
+        rows.push_back({.time = t, .position = {2.0 - t + 3.0 * t * t - 0.5 * t * t * t, t}});
+    }
+    differentiate(rows);
+    for (const TableRow& row : rows) {
+        const double t = row.time;
+        EXPECT_NEAR(row.velocity[0], -1.0 + 6.0 * t - 1.5 * t * t, 1e-11) << t;
+        EXPECT_NEAR(row.acceleration[0], 6.0 - 3.0 * t, 1e-9) << t;
+        EXPECT_NEAR(row.velocity[1], 1.0, 1e-12) << t;
+    }
+    // The cubic through the last four of even rows of t⁴ has a slope 6 d³ too small at the end.
+    rows.clear();
+    for (int n = 0; n < 9; ++n) {
+        rows.push_back({.time = 0.25 * n, .position = {std::pow(0.25 * n, 4), 0.0}});
+    }
+    differentiate(rows);
+    EXPECT_NEAR(rows.back().velocity[0], 4.0 * 8.0 - 6.0 * 0.25 * 0.25 * 0.25, 1e-11);
+    EXPECT_NEAR(rows.front().velocity[0], 6.0 * 0.25 * 0.25 * 0.25, 1e-11);
 }
 
 template <class T>

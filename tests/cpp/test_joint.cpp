@@ -507,6 +507,11 @@ TEST(Joint, ADisagreementForgetsWhatWasForeseen) {
         EXPECT_EQ(filter.precision[i], 0.0);
         EXPECT_LT(std::abs(filter.sum[i]), 10.0);  // the residual of this sample
     }
+    for (const auto& gain : filter.gain) {
+        for (const double k : gain.move) {
+            EXPECT_EQ(k, 0.0);
+        }
+    }
 }
 
 TEST(Joint, WithoutSamplesStiffnessDriftsOnAndIsLessCertain) {

@@ -145,6 +145,11 @@ TEST(JointModel, WhatMayDriftGrowsByTheSquareOfItsBandwidthOverTheInformationOnI
     };
     Case a = of_two_lines({.force_noise = 1e-3});
     expect_drift<Positions<double>>(a, over({4.0 * 20.0, 2.0, 20.0, 18.0, 2.0, 6.5, 4.5}));
+    // Noise so large that the information on each parameter is less than one over a unit of time.
+    const double much = 1e3 * 1e3 * h;
+    expect_drift<Positions<double>>(
+        of_two_lines({.force_noise = 1e3}),
+        {4.0 * 20.0 / much, 2.0 / much, 20.0 / much, 18.0 / much, 2.0 / much, 6.5 / much, 4.5 / much});
     // Sensing noise is force noise of (k - w²)² times its density: 16 of x on x, 81 of x on y, 1 of y on x, 36 of y
     // on y.
     a = of_two_lines({.position_noise = 1e-3});
@@ -160,6 +165,26 @@ TEST(JointModel, WhatMayDriftGrowsByTheSquareOfItsBandwidthOverTheInformationOnI
     EXPECT_EQ(c.drift[3], 0.0);
     EXPECT_EQ(c.drift[6], 0.0);
     EXPECT_GT(c.drift[4], 0.0);
+}
+
+// A free mass under independent forces, one a step. Of these a span of 4 steps has one number: its mean velocity lacks
+// a quarter to three quarters of all but the last, h²(1² + 2² + 3²)/4² of variance.
+TEST(JointModel, TheMeanOfASpanHasTheNoiseOfTheForcesWithinIt) {
+    Case a;
+    a.common.nominal = {};
+    a.law.datasheet = {.force_noise = 2.0, .position_noise = 1e-5, .velocity_noise = 1e-4};
+    const auto more = [&](std::int64_t slots, std::size_t i) {
+        a.law.adaptation.covariance_steps = slots;
+        const auto c = Both<double>::prepare(a.law, a.common).adaptation.filter;
+        const double single = i < 2 ? 1e-10 : 1e-8;
+        return c.noise.measured[i] * c.noise.variance - single / static_cast<double>(slots);
+    };
+    const double h = a.common.step;
+    for (const std::size_t i : {2U, 3U}) {
+        EXPECT_NEAR(more(1, i), 0.0, 1e-15);
+        EXPECT_NEAR(more(4, i) / (2.0 * 2.0 * h * h * 14.0 / 16.0), 1.0, 1e-9);
+        EXPECT_NEAR(more(2, i) / (2.0 * 2.0 * h * h / 4.0), 1.0, 1e-9);
+    }
 }
 
 TEST(JointModel, AMotionThatIsNotMeasuredMayBeAsFastAsTheReferenceOrAFreeOneAtFirst) {

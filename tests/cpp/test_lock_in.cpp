@@ -44,6 +44,7 @@ TEST(FactoredCovariance, AMeasurementInPartsHasTheBitsOfAWholeOne) {
     const P::Gain gain = P::measure(whole, row, 0.4);
     P::Running running;
     P::begin(running, 0.4);
+    EXPECT_EQ(running.inverse, 1.0 / 0.4);
     for (std::size_t j = 0; j < 6; ++j) {
         double f = row[j];
         for (std::size_t k = 0; k < j; ++k) {
@@ -290,6 +291,23 @@ TEST(LockIn, StartingOverKeepsTheEstimatesOrNot) {
     EXPECT_LT(std::abs(loop.error()), 4.0 * loop.deviation());
     LockIn<double>::start_over(loop.state, false);
     EXPECT_EQ(loop.report().rate, 0.0);
+}
+
+TEST(LockIn, StartingOverKeepsNothingOfItsCovariance) {
+    Loop<double> loop(Case{});
+    loop.run(whole);
+    const auto& covariance = loop.state.filter.covariance;
+    for (const double u : covariance.u_factor) {
+        ASSERT_NE(u, 0.0);
+    }
+    LockIn<double>::start_over(loop.state, true);
+    loop.run(100);
+    for (const double u : covariance.u_factor) {
+        EXPECT_EQ(u, 0.0);
+    }
+    for (std::size_t k = 0; k < LockInFilter<double>::parameters; ++k) {
+        EXPECT_EQ(covariance.d_factor[LockInFilter<double>::motions + k], loop.c.prior.plant[k]);
+    }
 }
 
 TEST(LockIn, AStateWithAnIndexBeyondItsTasksIsNotSound) {

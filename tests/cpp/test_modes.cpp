@@ -305,6 +305,32 @@ TEST(ModeReversal, HasNoBiasWhereItStartsOnTheDampersAxis) {
     run_device_loop<ModeReversal<double>>(s, [&](const auto& at) { last = at.signals.report.rate; });
     EXPECT_NEAR(last / deg_h, 0.0, 0.05);
 }
+TEST(ModeReversal, StartsOverWithTheMeansOfBothAnglesOrWithout) {
+    using C = ModeReversal<double>;
+    C::State state{};
+    state.place = 17;
+    state.read = 5;
+    state.sum = state.sum + 3.0;
+    state.first = 4.0;
+    state.other = 2.0;
+    state.known = 2.0;
+    state.kept = {0.5, 0.25};
+    state.rate = 3.0;
+    state.bias = 1.0;
+    const auto numbers = [&] {
+        return std::array{state.first,    state.other, state.known, state.kept.x(),
+                          state.kept.y(), state.rate,  state.bias};
+    };
+    const auto before = numbers();
+    C::start_over(state, true);
+    EXPECT_EQ(numbers(), before);
+    EXPECT_EQ(state.place, 17U);
+    EXPECT_EQ(state.read, 0U);
+    EXPECT_EQ(state.sum.value, 0.0);
+    C::start_over(state, false);
+    EXPECT_EQ(numbers(), decltype(before){});
+    EXPECT_EQ(state.place, 17U);
+}
 TEST(ModeReversal, KnowsAPlaceThatItsCycleLacks) {
     using C = ModeReversal<double>;
     const auto s = disc(reversal(5.0, 1.0), 0.0);

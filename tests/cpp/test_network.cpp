@@ -325,6 +325,10 @@ TYPED_TEST(NetworkOf, MinimalLearningIsAGainOfLimitedSize) {
         this->step(1000.0);
     }
     EXPECT_NEAR(number(this->step(0.0).report.gain), 0.8 / h - 50.0, 1e4 * this->tolerance);
+    TestFixture::C::start_over(this->state, true);
+    EXPECT_NEAR(number(this->step(0.0).report.gain), 0.8 / h - 50.0, 1e4 * this->tolerance);
+    TestFixture::C::start_over(this->state, false);
+    EXPECT_EQ(number(this->step(0.0).report.gain), 0.0);
 }
 
 TYPED_TEST(NetworkOf, WithoutASampleAndAtTheLimitWhatIsLearnedRests) {

@@ -23,7 +23,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
-SHARE = 0.04
+SHARE = 0.02
 FOLDERS = tuple(sorted(str(folder.relative_to(ROOT)) for folder in (ROOT / "include/fracgyro").iterdir()))
 # Number types: what they do is what everything else is tested by; mutated they fail to compile. Of fields.hpp, and of
 # fields() everywhere, the compiler computes all.

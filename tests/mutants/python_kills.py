@@ -24,7 +24,7 @@ sys.path.append(str(ROOT / "benchmarks"))
 from sources import PACKAGES
 
 FOLDER = ROOT / "build/mutants/python"
-SHARE = 0.3
+SHARE = 0.1
 MODULES = [
     "fracgyro/analysis/confidence.py", "fracgyro/analysis/metrics.py", "fracgyro/rate/allan.py",
     "fracgyro/rate/bound.py", "fracgyro/rate/merit.py", "fracgyro/rate/units.py", "fracgyro/scenario/terms.py",
