@@ -139,6 +139,21 @@ TRIM: Changes = {
     "trim": {"tuning": "split", "quadrature": "null", "modulation": 5.0},
     "run.duration": 1000.0,  # two intervals
 }
+# Everything of a device in volts that is off in the shipped ones.
+VOLTS: Changes = {
+    "controller.kind": "force_rebalance",
+    "plant.centrifugal": True,
+    "rate.transverse_points": [[0.0, 100.0, -50.0], [0.01, -200.0, 300.0]],
+    "disturbance": {"kind": "sine", "quantity": "acceleration", "amplitude": (0.01, 0.02), "frequency": (0.3, 0.2)},
+    "device.acceleration_share": (0.0, 1e-3),
+    "device.common_mode_frequency": (9e3, 12e3),
+    "electronics.carrier_frequency": 1e6,
+    "electronics.carrier_voltage": 5.0,
+    "electronics.carrier_flicker": 1e-6,
+    "electronics.feedthrough_lag": 0.4,
+    "run.duration": 300.0,
+}
+TRANSIMPEDANCE: Changes = {"controller.kind": "force_rebalance", "electronics.amplifier": "transimpedance"}
 FAULTS = ("lost", "frozen", "inverted", "doubled", "exchanged")
 DURATION = 1.5  # 1/omega0, 1,500 steps
 SHIPPED_STEPS = 6_000
@@ -232,6 +247,8 @@ def runs() -> Iterator[tuple[str, fg.Scenario, Changes]]:
             yield f"sliding_mode, joint: {name}, {adaptation}", base, changes
     base = named("dual_mass_volts")
     yield "conventional: trim", base, TRIM
+    yield "conventional: common mode, carrier, leak, rates about x and y", base, VOLTS
+    yield "conventional: transimpedance amplifier", base, {**TRANSIMPEDANCE, "run.duration": 300.0}
 
 
 def rate_figures() -> Iterator[tuple[str, list[float]]]:

@@ -32,10 +32,9 @@ ReferenceLists reference_lists(const std::vector<std::array<double, 6>>& terms,
     return lists;
 }
 
-// Electronics, and each electrode, as numbers in the order of their fields; units of mass, length and rate.
-VoltsParams volts_from(const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes,
-                       const std::array<double, 3>& units) {
-    VoltsParams made{.mass = units[0], .length = units[1], .rate = units[2], .present = true};
+// Electronics, and each electrode, as numbers in the order of their fields.
+VoltsParams volts_from(const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes) {
+    VoltsParams made{.present = true};
     const double* next = electronics.data();
     for_each_setting_of("electronics", made.electronics, detail::TakeFrom{next});
     for (const std::vector<double>& each : electrodes) {
@@ -114,7 +113,7 @@ void bind_loop(nb::module_& m) {
         "at_bias",
         [](const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes,
            const std::array<double, 2>& resonance) {
-            const AtBias at = at_bias(volts_from(electronics, electrodes, {1.0, 1.0, 1.0}),
+            const AtBias at = at_bias(volts_from(electronics, electrodes),
                                       {resonance[0] * resonance[0], resonance[1] * resonance[1]});
             return std::vector<std::array<double, 3>>{entries(at.softening),
                                                       entries(at.gain),
@@ -199,24 +198,11 @@ void bind_loop(nb::module_& m) {
             "Numbers of the rate and the device in the order of device_fields; times, in steps, and values of the rate "
             "and of the change of temperature; the seed of the rate.")
         .def(
-            "set_volts",
-            [](RunSetup& s, const std::vector<double>& electronics, const std::vector<std::vector<double>>& electrodes,
-               const std::array<double, 3>& units) { s.volts = volts_from(electronics, electrodes, units); },
-            nb::arg("electronics"), nb::arg("electrodes"), nb::arg("units"),
-            "Numbers in the order of electronics_fields, and for each electrode of electrode_fields; units of mass, "
-            "length and rate, in SI.")
+            "set_transverse", [](RunSetup& s, const std::vector<double>& numbers) { take_transverse(s.rate, numbers); },
+            nb::arg("numbers"), "Angular rates about x and y over time, as take_transverse in settings.hpp reads them.")
         .def(
-            "set_trim",
-            [](RunSetup& s, const std::vector<double>& numbers, double lag) {
-                TrimSettings settings;
-                const double* next = numbers.data();
-                for_each_setting_of("trim", settings, detail::TakeFrom{next});
-                s.volts.tuned = settings.tuning == TrimTuning::split;
-                s.volts.nulled = settings.on();
-                s.trim = trim_of(settings, s.volts, lag);
-            },
-            nb::arg("numbers"), nb::arg("lag"),
-            "Numbers in the order of trim_fields; lag of readings and forces, in s. To be called after set_volts.")
+            "set_volts", [](RunSetup& s, const std::vector<double>& numbers) { take_volts(s, numbers); },
+            nb::arg("numbers"), "A device in volts, as take_volts in settings.hpp reads it.")
         .def_ro("touched", &RunSetup::touched_last,
                 "1 + place of the electrode that the mass touched at the end of the last run, otherwise 0.")
         .def(

@@ -26,17 +26,27 @@ struct DeviceLoop : Stepper<C, DeviceGyroscope> {
     using RunSetup = DeviceSetupOf<typename C::Params>;
     using Draw = DeviceGyroscope::Draw;
     using Loop = Stepper<C, DeviceGyroscope>;
-    static constexpr std::size_t width = row_width<typename C::Report> + device_width;
+    static constexpr std::size_t device_columns = device_width + (exported::has_electrodes ? volts_width : 0);
+    static constexpr std::size_t width = row_width<typename C::Report> + device_columns;
 
     static void take_device(RunSetup& setup, const double* numbers) {
         const auto list = [](const auto& values) { return std::vector<double>(values.begin(), values.end()); };
         take_device_settings(setup, numbers);
         setup.rate.table = {list(exported::rate_times), list(exported::rate_values)};
         setup.device.temperature = {list(exported::temperature_times), list(exported::temperature_values)};
+        take_transverse(setup.rate, exported::transverse);
+        if constexpr (!exported::volts.empty()) {
+            take_volts(setup, exported::volts);
+        }
     }
     static Draw draw(const RunSetup& setup) { return Draw(setup); }
     static void write(const typename Loop::State& state, const typename Loop::Coefficients& c, double* row) {
-        write_device_row(DeviceGyroscope::snapshot(state, c.gyroscope, state.signals), row);
+        const auto at = DeviceGyroscope::snapshot(state, c.gyroscope, state.signals);
+        write_device_row(at, row);
+        if constexpr (exported::has_electrodes) {
+            const auto volts = volts_row(at.volts);
+            std::copy(volts.begin(), volts.end(), row + (width - volts_width));
+        }
     }
 };
 

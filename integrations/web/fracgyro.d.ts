@@ -62,8 +62,19 @@ export interface Scenario {
   readonly reference?: { readonly terms: readonly number[]; readonly rows: readonly number[] };
   /** A dynamic rate and a real device, nondimensional, for the run.step of the settings. */
   readonly device?: Device;
+  /** Electrodes, electronics and trim of the device, for the run.step of the settings. */
+  readonly volts?: Volts;
   /** Terms added to the disturbance of the settings, nondimensional, for the run.step of the settings. */
   readonly disturbance?: readonly Term[];
+}
+
+export interface Volts {
+  /** How many electrodes there are. */
+  readonly electrodes: number;
+  /** All numbers, as the core takes them; null is infinity. */
+  readonly numbers: readonly (number | null)[];
+  /** Why the controller cannot be used without the loop; left out if it can. */
+  readonly alone?: string;
 }
 
 export interface Term {

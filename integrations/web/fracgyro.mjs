@@ -82,8 +82,8 @@ class Fracgyro {
     const first = { ...settings };
     // The key identifies the start of the loop; kind, sensors and exponentials are not among the values.
     const design = ["controller.kind", "device.sensing", "run.kernel_tolerance"];
-    const { reference = null, device = null } = scenario;
-    const started = [design.map((name) => first[name]), sensing, valuesOf(first), reference, device];
+    const { reference = null, device = null, volts = null } = scenario;
+    const started = [design.map((name) => first[name]), sensing, valuesOf(first), reference, device, volts];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
     const saved = () => {
       if (law) {
@@ -171,6 +171,9 @@ class Fracgyro {
 
   // The controller by itself. Call `step` once every run.step.
   async controller(scenario, changes = {}) {
+    if (scenario.volts?.alone) {
+      throw new RangeError(scenario.volts.alone);
+    }
     const { core, reported, observed } = await this.#prepare(scenario, changes);
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));
     core.controller_start();
@@ -232,7 +235,9 @@ class Fracgyro {
     }
     const around = prepared.sensing.some((number) => number !== 0);
     const device = observed || around || "device" in scenario;
-    const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
+    const voltages = scenario.volts?.electrodes ? this.#data.volts : [];
+    const ofDevice = device ? [...this.#data.device, ...voltages] : [];
+    const columns = [...this.#data.loop, ...reported, ...ofDevice];
     const width = columns.length;
     const buffer = core.room_for(BUFFERED * width) >>> 0;
     if (law) {
@@ -253,7 +258,7 @@ class Fracgyro {
         while (this.samples < end && !this.diverged) {
           const asked = Math.min(end - this.samples, BUFFERED * every, 1e9);
           const before = Math.ceil(this.samples / every);
-          this.diverged = core.loop_run(asked, every, buffer, device) < asked;
+          this.diverged = core.loop_run(asked, every, buffer, ofDevice.length) < asked;
           const more = Math.ceil(this.samples / every) - before;
           rows.set(core.doubles(buffer, more * width), length * width);
           length += more;
@@ -272,7 +277,7 @@ class Fracgyro {
     };
     const core = new Core(await WebAssembly.instantiate(this.#module, { caller: { law: called } }));
     const steps = stepsOf(settings);
-    const { device, disturbance } = scenario;
+    const { device, disturbance, volts } = scenario;
     if ((device || disturbance) && settings["run.step"] !== scenario.settings["run.step"]) {
       const of = device ? "noise and times of its device" : "times of its disturbance";
       const why = `it must be ${scenario.settings["run.step"]}, which the ${of} are for`;
@@ -318,8 +323,13 @@ class Fracgyro {
     }
     const at = device ? placed(this.#numbers(device.numbers, this.#data.device_numbers)) : 0;
     if (device) {
-      const { rate, temperature } = device;
-      core.device_points(rate[0].length, placed(rate.flat()), temperature[0].length, placed(temperature.flat()));
+      const { rate, temperature, transverse } = device;
+      const points = [rate, temperature].flatMap((both) => [both[0].length, placed(both.flat())]);
+      core.device_points(...points, transverse.length, placed(transverse));
+    }
+    if (volts && !this.single) {
+      const list = volts.numbers.map((number) => number ?? Infinity);
+      core.device_in_volts(list.length, placed(list));
     }
     const { terms, rows } = scenario.reference ?? { terms: [], rows: [] };
     core.reference_lists(terms.length, placed(terms), rows.length, placed(rows));

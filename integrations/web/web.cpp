@@ -174,14 +174,22 @@ EXPORT std::size_t chosen_type() {
     return chosen;
 }
 
-// The points of the rate and of the temperature: how many, and their times, in steps, followed by their values.
-EXPORT void device_points(std::size_t rates, const double* rate, std::size_t temperatures, const double* temperature) {
+// The points of the rate and of the temperature: how many, and their times, in steps, followed by their values. The
+// rates about x and y as take_transverse in settings.hpp reads them.
+EXPORT void device_points(std::size_t rates, const double* rate, std::size_t temperatures, const double* temperature,
+                          std::size_t across, const double* transverse) {
     const auto profile = [](std::size_t count, const double* from) {
         return Profile{{from, from + count}, {from + count, from + 2 * count}};
     };
     setup.rate.table = profile(rates, rate);
     setup.device.temperature = profile(temperatures, temperature);
+    take_transverse(setup.rate, {transverse, across});
 }
+
+#ifndef FRACGYRO_SINGLE
+// A device in volts, as take_volts in settings.hpp reads it.
+EXPORT void device_in_volts(std::size_t count, const double* numbers) { take_volts(setup, {numbers, count}); }
+#endif
 
 // The terms of the disturbance, as take_terms in settings.hpp reads them.
 EXPORT void disturbance_terms(std::size_t count, const double* numbers) {
@@ -207,14 +215,14 @@ EXPORT void loop_start_law(std::size_t reports, std::ptrdiff_t rate_place) {
 }
 // The coming sample.
 EXPORT double loop_step() { return static_cast<double>(loop->step()); }
-// The coming samples into `rows`, with room for those that `every` divides, with the channels of the device or without.
+// The coming samples into `rows`, with room for those that `every` divides, and how many columns of the device.
 // Returns how many samples there were: fewer where the motion diverges. The loop is that of any device: of two the
 // module would be larger.
-EXPORT int loop_run(int samples, double every, double* rows, bool device) {
+EXPORT int loop_run(int samples, double every, double* rows, std::size_t device) {
     const std::int64_t first = loop->step();
     loop->run(samples, [&](const auto& at) {
         if (at.step % static_cast<std::int64_t>(every) == 0) {
-            write_any_row(at, *loop_controller, device ? device_width : 0,
+            write_any_row(at, *loop_controller, device,
                           [&](std::size_t width) { return std::exchange(rows, rows + width); });
         }
     });

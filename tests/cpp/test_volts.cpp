@@ -654,9 +654,8 @@ Vec2<double> force_at(std::int64_t n) {
 struct Slow {
     GyroscopeParams plant;
     ReadoutParams p;
-    std::array<double, 9> x{};  // q, v, w, z of both axes, t
     std::vector<double> derivative(const std::vector<double>& s, const Vec2<double>& u) const {
-        std::vector<double> d(8);
+        std::vector<double> d(10);
         const Sym2<double>&k = plant.stiffness, &c = plant.damping;
         d[0] = s[2], d[1] = s[3];
         d[2] = u.x() - k.xx() * s[0] - k.xy() * s[1] - c.xx() * s[2] - (c.xy() - 2.0 * plant.rate) * s[3];
@@ -664,7 +663,8 @@ struct Slow {
         const Vec2<double> put = p.feedthrough * u;
         const double in[2] = {s[0] + put.x() - s[4], s[1] + put.y() - s[5]};
         d[4] = p.high_pass.x() * in[0], d[5] = p.high_pass.y() * in[1];
-        d[6] = p.pole.x() * (in[0] - s[6]), d[7] = p.pole.y() * (in[1] - s[7]);
+        d[6] = p.pole.x() * (in[0] + s[8] - s[6]), d[7] = p.pole.y() * (in[1] + s[9] - s[7]);
+        d[8] = p.leak * put.x() - p.high_pass.x() * s[8], d[9] = p.leak * put.y() - p.high_pass.y() * s[9];
         return d;
     }
 };
@@ -675,6 +675,7 @@ TEST(Readout, IsThatOfItsEquations) {
     const ReadoutParams p{.pole = {2.0, 5.0},
                           .high_pass = {0.2, 0.1},
                           .feedthrough = {{0.3, -0.2}, {0.1, 0.4}},
+                          .leak = 0.7,
                           .sample_delay = 0.06,
                           .update_delay = 0.12};
     for (const double aperture : {0.0, 0.09}) {
@@ -684,8 +685,9 @@ TEST(Readout, IsThatOfItsEquations) {
         const auto step = Gyroscope<double>::prepare(plant, h);
         Motion<double> motion = Gyroscope<double>::start(plant);
         Readout::State state = Readout::start(c, motion, {});
-        const Slow slow{plant, with, {}};
-        std::vector<double> s{0.6, -0.3, 0.2, 0.9, state.inside[0], state.inside[1], state.inside[2], state.inside[3]};
+        const Slow slow{plant, with};
+        std::vector<double> s{0.6, -0.3, 0.2, 0.9, state.inside[0], state.inside[1], state.inside[2], state.inside[3],
+                              0.0, 0.0};
         constexpr int parts = 1000;
         for (std::int64_t n = 0; n < 12; ++n) {
             const Vec2<double> force = force_at(n), before = n > 0 ? force_at(n - 1) : Vec2<double>{};
@@ -695,7 +697,7 @@ TEST(Readout, IsThatOfItsEquations) {
                 const Vec2<double>& u = i < parts * 0.4 ? before : force;
                 const auto at = [&](double part, const std::vector<double>& k) {
                     std::vector<double> moved = s;
-                    for (std::size_t j = 0; j < 8; ++j) {
+                    for (std::size_t j = 0; j < s.size(); ++j) {
                         moved[j] += part * k[j];
                     }
                     return moved;
@@ -703,7 +705,7 @@ TEST(Readout, IsThatOfItsEquations) {
                 const auto k1 = slow.derivative(s, u), k2 = slow.derivative(at(0.5 * dt, k1), u);
                 const auto k3 = slow.derivative(at(0.5 * dt, k2), u), k4 = slow.derivative(at(dt, k3), u);
                 const Vec2<double> z{s[6], s[7]};
-                for (std::size_t j = 0; j < 8; ++j) {
+                for (std::size_t j = 0; j < s.size(); ++j) {
                     s[j] += dt / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]);
                 }
                 const double end = t + dt;
@@ -723,6 +725,31 @@ TEST(Readout, IsThatOfItsEquations) {
             expect_near(motion.velocity, {s[2], s[3]}, 1e-10);
             expect_near(state.reading, wanted, aperture > 0.0 ? 1e-6 : 1e-9);
         }
+    }
+}
+
+// j/(1 + j/ω_p) of a vibration at the resonance, and feedthrough from a sine of the drive as its derivative.
+TEST(Readout, OfATransimpedanceAmplifierIsTheVelocity) {
+    const double pole = 6.0, step = 0.05, at = 0.7;
+    DeviceSetup s = device({combs(ElectrodeRole::force, 0.0), combs(ElectrodeRole::force, 0.5 * pi),
+                            combs(ElectrodeRole::pickoff, 0.0), combs(ElectrodeRole::pickoff, 0.5 * pi)},
+                           step);
+    s.plant.stiffness = {1.0, 0.0, at * at};
+    s.plant.initial_position = {2e-5, 0.0};
+    s.plant.initial_velocity = {0.0, 3e-5};
+    s.volts.electronics = {.amplifier = AmplifierKind::transimpedance,
+                           .pole = {pole * s.volts.rate / turn, pole * s.volts.rate / turn}};
+    Running run(s);
+    const auto amplified = [&](double omega) {
+        const std::complex<double> j{0.0, 1.0};
+        return j / (1.0 + j * omega / pole);
+    };
+    for (int n = 1; n <= 2000; ++n) {
+        run.step();
+        const double t = n * step;
+        const Vec2<double> read = run.state.volts.readout.reading;
+        ASSERT_NEAR(read.x(), 2e-5 * (amplified(1.0) * std::polar(1.0, t)).real(), 1e-12) << n;
+        ASSERT_NEAR(read.y(), 3e-5 / at * (amplified(at) * std::polar(1.0, at * t - 0.5 * pi)).real(), 3e-12) << n;
     }
 }
 
@@ -802,6 +829,88 @@ TEST(Feedthrough, OfAFemtofaradIsThatOfItsClosedForm) {
     const Vec2<double> put = run.state.volts.readout.reading - run.state.motion.position;
     EXPECT_NEAR(put.x() * gap / (force / newton), 3.975e-5, 0.005e-5);
     EXPECT_NEAR(put.y(), 0.0, 1e-15);
+}
+
+// Through a charge amplifier far above its corner, a sine of the drive comes with the capacitance over the cosine, late
+// by the phase stated for the resonance of x.
+TEST(Feedthrough, ThatLeaksLagsByItsPhaseAtTheResonanceOfX) {
+    const double lag = 0.6, step = 0.01;
+    ElectronicsParams e{.amplifier = AmplifierKind::charge, .feedback_resistance = 1e13, .feedback_capacitance = 1e-12};
+    const auto read = [&](double of_lag) {
+        DeviceSetup s = device({combs(ElectrodeRole::force, 0.0), combs(ElectrodeRole::force, 0.5 * pi),
+                                combs(ElectrodeRole::pickoff, 0.0), combs(ElectrodeRole::pickoff, 0.5 * pi)},
+                               step);
+        s.plant.stiffness = {1.0, 0.0, 1.0};
+        s.volts.electronics = e;
+        s.volts.electronics.feedthrough = {0.0, 1e-15, 0.0, 0.0};
+        s.volts.electronics.feedthrough_lag = of_lag;
+        Running run(s);
+        std::complex<double> sum{};
+        const int turns = 20, count = static_cast<int>(std::llround(turns * turn / step));
+        for (int n = 0; n < count; ++n) {
+            run.step({0.0, 1e-3 * std::sin(step * (n + 0.5))});
+            sum += run.state.volts.readout.reading.x() * std::polar(1.0, -step * n);
+        }
+        return sum / static_cast<double>(count);
+    };
+    const std::complex<double> late = read(lag) / read(0.0);
+    EXPECT_NEAR(std::abs(late), 1.0 / std::cos(lag), 0.01);
+    EXPECT_NEAR(std::arg(late), -lag, 0.01);
+}
+
+// -- The common mode --------------------------------------------------------------------------------------------------
+
+TEST(CommonMode, AnswersASuddenAccelerationAsADampedOscillator) {
+    const double omega = 1.7, quality = 3.0, step = 0.1, push = -0.4;
+    CommonModeParams p{.frequency = {omega, CommonModeParams::off}, .quality = {quality, 1.0}};
+    ASSERT_TRUE(p.on());
+    const auto c = CommonMode::prepare(p, step);
+    CommonMode::State state{};
+    const double sink = omega / (2.0 * quality), damped = std::sqrt(omega * omega - sink * sink);
+    for (int n = 1; n <= 500; ++n) {
+        CommonMode::step(state, c, {push, push});
+        const double t = n * step, turned = std::cos(damped * t) + sink / damped * std::sin(damped * t);
+        ASSERT_NEAR(state.position.x(), push / (omega * omega) * (1.0 - std::exp(-sink * t) * turned), 1e-13) << n;
+        ASSERT_EQ(state.position.y(), 0.0);
+    }
+    EXPECT_FALSE(CommonModeParams{}.on());
+}
+
+// A pair of plates at X has k_e (1 + 3X²)/(1 - X²)³, and no force on a mass at rest that acts on one mode only.
+TEST(CommonMode, SoftensMoreWhereItClosesAGap) {
+    DeviceSetup s = device({plates(true, 5.0)}, 0.05);
+    s.volts.common = {.frequency = {2.0, 2.0}};
+    const auto c = Volts::prepare(s.volts, s.plant, s.common.step);
+    const double k = at_bias(s.volts).softening.xx(), x = 0.3, small = 1e-5;
+    const auto force = [&](double q) { return Volts::rest(c, {q, 0.0}, {}, {x, 0.0}).x() + k * q; };
+    const double wanted = k * (1.0 + 3.0 * x * x) / std::pow(1.0 - x * x, 3);
+    EXPECT_NEAR((force(small) - force(-small)) / (2.0 * small) / wanted, 1.0, 1e-8);
+    EXPECT_EQ(force(0.0), 0.0);
+    EXPECT_GT(std::abs(wanted / k - (1.0 + 6.0 * x * x)), 0.1) << "beyond the first term";
+}
+
+TEST(CommonMode, ReadsTheModesThroughTheGapsThatItLeaves) {
+    ElectrodeParams pick = plates(true, 5.0);
+    pick.role = ElectrodeRole::pickoff;
+    ElectrodeParams other = pick;
+    other.angle = 0.5 * pi;
+    DeviceSetup s = device({pick, other}, 0.05);
+    s.volts.common = {.frequency = {2.0, 2.0}, .quality = {1.0, 1.0}};
+    s.volts.common.acceleration.terms = {{.kind = TermKind::step, .amplitude = {0.0, 1.2}}};
+    Running run(s);
+    DeviceGyroscope::Draw draw(s);
+    run.state.motion = {.position = {0.01, 0.01}, .velocity = {}};
+    for (int n = 0; n < 400; ++n) {
+        DeviceGyroscope::sense(run.state, run.c, draw(n));
+        run.state.motion = {.position = {0.01, 0.01}, .velocity = {}};
+        run.step();
+    }
+    const double x = run.state.volts.common.position.y();
+    EXPECT_NEAR(x, 1.2 / 4.0, 1e-6);
+    const auto pair = [](double at) { return at / (1.0 - at * at); };
+    const Vec2<double> q = run.state.motion.position, read = run.state.volts.readout.reading;
+    EXPECT_NEAR(read.y(), pair(x + q.y()) - pair(x), 1e-12);
+    EXPECT_NEAR(read.x(), pair(q.x()), 1e-12);
 }
 
 TEST(Jitter, MovesASampleByTheVelocity) {

@@ -18,6 +18,7 @@ from fracgyro.rate.allan import allan
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import DEVICE_CHANNELS
 from fracgyro.scenario.to_core import core_setup
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.signal import periodogram
 
@@ -177,6 +178,40 @@ def test_with_every_effect_alone_the_loop_agrees_with_the_oracle(effect: str) ->
 @pytest.mark.parametrize("kind", ["sine", "chirp"])
 def test_the_centrifugal_and_euler_forces_follow_the_rate(kind: str) -> None:
     assert_agrees(SHORT.replace({**RATES[kind], "plant.centrifugal": True}))
+
+
+def test_rates_about_x_and_y_turn_the_springs_as_equation_1_says() -> None:
+    end, points = 2.0, [[0.0, 1000.0, -2000.0], [1e-3, -3000.0, 500.0], [2e-3, 2000.0, 2500.0]]
+    made = PAPER.replace(
+        {
+            "plant.centrifugal": True,
+            "plant.transverse_rate": [700.0, -300.0],
+            "rate.transverse_points": points,
+            "run.initial_velocity": [0.3, -0.7],
+            "run.duration": end,
+            "disturbance": {"kind": "none"},
+        }
+    )
+    run = fg.simulate(made, controller=lambda sample: (0.0, 0.0))
+    damping, _, z, *_ = made.plant.nondimensional()
+    springs = made.plant.stiffness.entries() / made.plant.scales.stiffness
+    times, *rates = np.array(points).T
+
+    def derivative(t: float, state: np.ndarray) -> np.ndarray:
+        x, y = (np.interp(1e-3 * t, times, rate) / made.plant.scales.rate for rate in rates)
+        d = np.array([[damping[0], damping[1] - 2 * z], [damping[1] + 2 * z, damping[2]]])
+        k_xx, k_xy, k_yy = springs + np.array([-(y * y + z * z), x * y, -(x * x + z * z)])
+        k = np.array([[k_xx, k_xy], [k_xy, k_yy]])
+        return np.concatenate([state[2:], -d @ state[2:] - k @ state[:2]])
+
+    start = np.array([*made.run.initial_position, *made.run.initial_velocity])
+    found = solve_ivp(derivative, (0.0, end), start, t_eval=run["time"], rtol=1e-11, atol=1e-13, max_step=0.02)
+    np.testing.assert_allclose(run["position"], found.y[:2].T, atol=1e-9)
+    constant = made.replace({"rate.transverse_points": [[0.0, 700.0, -300.0]]})
+    held = fg.simulate(made.replace({"rate.transverse_points": None}), controller=lambda sample: (0.0, 0.0))
+    same = fg.simulate(constant, controller=lambda sample: (0.0, 0.0))
+    np.testing.assert_allclose(same["position"], held["position"], atol=1e-12)
+    assert abs(held["position"].values - run["position"].values).max() > 1e-3
 
 
 def test_everything_at_once_agrees_with_the_oracle() -> None:
@@ -528,6 +563,14 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
             "device.stiffness_drift is -10000.0: over 100 K it multiplies the stiffness by 0, which must be greater",
         ),
         ({"controller.observer_bandwidth": 0.0}, "controller.observer_bandwidth is 0.0: it must be greater than 0"),
+        (
+            {"rate.transverse_points": [[0.0, 1.0, 2.0]]},
+            "rate.transverse_points is given: it needs plant.centrifugal =",
+        ),
+        (
+            {"rate.transverse_points": [[0.0, 1.0, 2.0]], "plant.centrifugal": True, "plant.kind": "duffing"},
+            "rate.transverse_points is given: it must be left out with plant.kind duffing",
+        ),
     ],
 )
 def test_bad_values_are_refused_in_one_sentence(changes: dict[str, Any], said: str) -> None:

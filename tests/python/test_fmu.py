@@ -25,8 +25,9 @@ from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
 from fracgyro.export import settings
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, Reference
-from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
+from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, VOLTS_CHANNELS, reports
 from fracgyro.scenario.volts_core import at_bias
+from loop_in_volts import IN_VOLTS
 from nightly import nightly_unless
 from shared import shared
 
@@ -99,6 +100,7 @@ SCENARIOS = {
         for kind in ("resonant", "nonsingular_terminal", "lqg", "force_rebalance")
     },
     "disturbances that add up": LIST,
+    "a device in volts": IN_VOLTS,
     "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
 }
 VERSIONS: tuple[Fmi, ...] = get_args(Fmi)
@@ -108,7 +110,7 @@ LOOPS = [
     (name, fmi) for i, name in enumerate(SCENARIOS) for j, fmi in enumerate(VERSIONS) if name in IN_BOTH or i % 2 == j
 ]
 # Loops that `make test` compiles. The parity of every kind is also tested where it compiles faster.
-OFTEN = (*IN_BOTH, "disturbances that add up")
+OFTEN = (*IN_BOTH, "disturbances that add up", "a device in volts")
 EVERY_TIME = [(name, dict(reversed(LOOPS))[name]) for name in OFTEN]
 # One FMU of each version, for tests that need another one, or any.
 OTHER: dict[Fmi, fg.Scenario] = {"2.0": SI, "3.0": LIST}
@@ -147,6 +149,7 @@ def columns(run: Any) -> dict[str, np.ndarray]:
     channels = (
         *LOOP_CHANNELS,
         *DEVICE_CHANNELS,
+        *VOLTS_CHANNELS,
         *(c for kind in KINDS for channels in reports(kind) for c in channels),
     )
     found = {}
@@ -218,7 +221,8 @@ class Instance:
 @pytest.mark.parametrize("content", ["loop", "controller"])
 @pytest.mark.usefixtures("no_binaries")
 def test_the_description_is_valid(name: str, content: Content, fmi: Fmi, tmp_path: Path) -> None:
-    fg.export.fmu(SCENARIOS[name], tmp_path / "x.fmu", fmi=fmi, content=content, unbounded=True)
+    scenario = SCENARIOS[name] if content == "loop" else SCENARIOS[name].replace({"trim": {}})
+    fg.export.fmu(scenario, tmp_path / "x.fmu", fmi=fmi, content=content, unbounded=True)
     assert validate_fmu(str(tmp_path / "x.fmu")) == []
 
 

@@ -177,5 +177,5 @@ def test_a_trim_that_cannot_work_is_refused(changes: dict[str, Any], said: str) 
 
 
 def test_a_target_without_a_trim_refuses_it() -> None:
-    with pytest.raises(ScenarioError, match=r"trim\.tuning is split: it must be fixed for a target"):
+    with pytest.raises(ScenarioError, match=r"trim\.tuning is split: it must be fixed for a controller without its"):
         coefficients_header(REBALANCED.replace(SPLIT), "float")

@@ -112,6 +112,14 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("linear", {"electronics.linearized": True}, "it needs pairs of plates of role force"),
     ("sensing", {"electronics.pole": 1e6, "device.sensing": "full"}, 'device.sensing is "full": it must be position'),
     ("plant", {"electronics.pole": 1e6, "plant.kind": "duffing"}, 'plant.kind is "duffing": it must be gyroscope'),
+    ("common", {"device.common_mode_frequency": [1e4, 1e4]}, "device.common_mode_frequency is [10000.0, 10000.0]: it"),
+    (
+        "poles",
+        {"electrodes": VOLTS, "electronics.amplifier": "transimpedance", "electronics.pole": [1e6, math.inf]},
+        "electronics.pole is [1000000.0, inf]: it must be finite on both axes",
+    ),
+    ("leak", {"electrodes": VOLTS, "electronics.feedthrough_lag": 0.1}, "electronics.feedthrough_lag is 0.1: it needs"),
+    ("flicker", {"electronics.carrier_flicker": 1e-5}, "it needs electronics.carrier_frequency"),
     ("soft", {"electrodes": [plates("tuning", 0.0, bias=60.0)]}, "electrodes soften plant.stiffness to a smallest"),
     ("pickoff", {"electrodes": both(combs, "pickoff", bias=0.0)}, "electrodes[0].bias is 0.0: a pick-off must have"),
     (
@@ -212,6 +220,12 @@ def force_at(time: float) -> tuple[float, float]:
     return 1e-3 * math.sin(1.7 * time), -8e-4 * math.cos(0.6 * time)
 
 
+def moved_force(one: Any, q: np.ndarray, volts: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """The same with the common mode at `shift`, less what it pulls on a mass at rest without the driver."""
+    none = np.zeros(2)
+    return force_of(one, q + shift, volts) - force_of(one, shift, none) + force_of(one, none, none)
+
+
 def force_of(one: Any, q: np.ndarray, volts: np.ndarray) -> np.ndarray:
     """N at q in m: half of V^2 dC/dq of every part."""
     n = np.array([math.cos(one.angle), math.sin(one.angle)])
@@ -241,19 +255,24 @@ def oracle(made: fg.Scenario, steps: int) -> tuple[np.ndarray, np.ndarray]:
     gain, charge = at_bias(made).gain[[0, 2]], at_bias(made).charge[[0, 2]]
     passes = np.reshape(e.feedthrough, (2, 2)) / charge[:, None]  # m/V
     pole = 2 * math.pi * np.array(e.pole)
+    common = np.array([math.tau * each if math.isfinite(each) else 0.0 for each in made.device.common_mode_frequency])
+    push = sum((np.array(each.amplitude) for each in made.disturbance.entries if each.amplitude), np.zeros(2))
+    push *= scales.acceleration * (common > 0)
+    quality = np.array(made.device.common_mode_quality)
 
     def derivative(_: float, state: np.ndarray, volts: np.ndarray) -> np.ndarray:
-        q, v, z = state[:2], state[2:4], state[4:]
-        force = sum((force_of(one, q, volts) for one in made.electrodes.each), np.zeros(2))
-        read = reading(made, q) + passes @ volts
-        return np.concatenate([v, (force - (damp + turn) @ v - stiff @ q) / m, pole * (read - z)])
+        q, v, z, shift, moves = state.reshape(5, 2)
+        force = sum((moved_force(one, q, volts, shift) for one in made.electrodes.each), np.zeros(2))
+        read = reading(made, q + shift) - reading(made, shift) + passes @ volts
+        away = push - common / quality * moves - common**2 * shift
+        return np.concatenate([v, (force - (damp + turn) @ v - stiff @ q) / m, pole * (read - z), moves, away])
 
     q, v = np.array(made.run.initial_position), np.array(made.run.initial_velocity)
     resonance = np.sqrt(np.diag(stiff) / m - at_bias(made).softening[[0, 2]] / m)
     lag = resonance / pole
     first = (q - lag * v * scales.rate / resonance) / (1 + lag**2)
     bent = reading(made, q * scales.length) / scales.length - q
-    state = np.concatenate([q * scales.length, v * scales.velocity, first * scales.length])
+    state = np.concatenate([q * scales.length, v * scales.velocity, first * scales.length, np.zeros(4)])
     positions, samples = [q], [first + bent]
     before = np.zeros(2)
     for n in range(steps):
@@ -264,7 +283,7 @@ def oracle(made: fg.Scenario, steps: int) -> tuple[np.ndarray, np.ndarray]:
                 found = solve_ivp(derivative, (t, until), state, args=(volts,), rtol=1e-11, atol=1e-20, method="DOP853")
                 state, t = found.y[:, -1], until
             if until == sampled and len(samples) == n + 1:
-                samples.append(state[4:] / scales.length)
+                samples.append(state[4:6] / scales.length)
         positions.append(state[:2] / scales.length)
         before = now
     return np.array(positions), np.array(samples)
@@ -309,6 +328,59 @@ def test_a_run_is_that_of_its_equations(make: Any) -> None:
     np.testing.assert_allclose(run["measured_position"][1:], samples[1:], atol=1e-6)
     plain = fg.simulate(DUAL.replace({name: value for name, value in made.changes().items() if "run." in name}))
     assert abs(plain["position"].values - positions[: plain.sizes["time"]]).max() > 1e-4
+
+
+@pytest.mark.parametrize("drifts", [False, True])
+def test_an_acceleration_shifts_the_gaps_by_the_common_mode(drifts: bool) -> None:
+    """300 g, for shifts of up to a third of the gap: what they do grows with their squares."""
+    made = in_volts(
+        {
+            "run.step": 0.01,
+            "run.duration": 1.5,
+            "run.initial_position": [0.1, 0.05],
+            "run.initial_velocity": [-0.1, 0.06],
+            "electronics.pole": [1e6, 1e6],
+            "disturbance": [{"kind": "step", "quantity": "acceleration", "amplitude": [0.8, -1.2]}],
+            "device.acceleration_share": [0.0, 0.0],
+            "device.common_mode_frequency": [9000.0, 12000.0],
+            "device.common_mode_quality": [2.0, 5.0],
+            **({"device.stiffness_drift": 1e-9, "device.temperature_ramp": 1.0} if drifts else {}),
+        },
+        [*both(plates, "force", bias=4.0), *both(plates, "pickoff"), plates("tuning", 0.3, bias=6.0)],
+    )
+    run = fg.simulate(made, controller=Given())
+    positions, samples = oracle(made, 150)
+    np.testing.assert_allclose(run["position"], positions, atol=2e-6)
+    np.testing.assert_allclose(run["measured_position"][1:], samples[1:], atol=2e-6)
+    still = fg.simulate(made.replace({"device.common_mode_frequency": [math.inf, math.inf]}), controller=Given())
+    assert abs(still["position"].values - positions).max() > 5e-5
+    assert abs(still["measured_position"].values - samples).max() > 1e-3
+
+
+def test_a_carrier_that_flickers_scales_both_readings() -> None:
+    bound = 1e-4
+    made = in_volts(
+        {
+            "electronics.carrier_frequency": 1e6,
+            "electronics.carrier_voltage": 1.0,
+            "electronics.carrier_flicker": bound,
+            "run.record_every": 1,
+            "run.duration": 10_000.0,
+            "run.initial_position": [0.1, 0.1],
+            "run.initial_velocity": [0.0, 0.0],
+            "plant.damping": {"xx": 0.0, "xy": 0.0, "yy": 0.0},
+        }
+    )
+    run = fg.simulate(made, controller=lambda sample: (0.0, 0.0))
+    ideal = fg.simulate(made.replace({"electronics.carrier_flicker": 0.0}), controller=lambda sample: (0.0, 0.0))
+    read, plain = run["measured_position"].values, ideal["measured_position"].values
+    x, y = (read / plain).T
+    clear = abs(plain).min(axis=1) > 0.005
+    np.testing.assert_allclose(x[clear], y[clear], rtol=1e-12)
+    gain = np.where(abs(plain[:, 0]) > abs(plain[:, 1]), x, y) - 1.0
+    for length in (64, 512):  # flicker has the same Allan deviation at all times
+        means = gain[: len(gain) // length * length].reshape(-1, length).mean(axis=1)
+        assert math.sqrt(np.mean(np.diff(means) ** 2) / 2) == pytest.approx(0.664 * bound, rel=0.12)
 
 
 def test_a_mass_that_is_pulled_in_says_by_which_electrode() -> None:
@@ -371,6 +443,39 @@ def test_a_pole_turns_quadrature_into_rate_for_force_rebalance() -> None:
     assert abs(bias(still.replace(parts)) - of_itself) < 1e-4 * closed
     hidden = 300.0 * 3600 * math.sin(0.95 * still.run.step)
     assert abs(bias(still.replace({**parts, "datasheet.lag": 0.0})) - of_itself) == pytest.approx(hidden, rel=0.03)
+
+
+def test_the_automotive_device_reads_its_rate_with_the_noise_of_such_a_part() -> None:
+    made = fg.Scenario.load(Path(__file__).resolve().parents[2] / "examples/scenarios/automotive.toml")
+    rate = fg.simulate(made)["rate_estimate"].values[-40_000:] / float(made.plant.angular_rate)
+    read = np.degrees(rate * made.plant.angular_rate * made.plant.scales.rate)
+    assert read.mean() == pytest.approx(300.0 * (1 + made.run.step**2 / 24), rel=0.003)  # 16 samples a period
+    # White over an output of 90 Hz, a band of pi/2 times that: 0.01 to 0.02 deg/s/sqrt(Hz).
+    assert 0.01 < read.std() / math.sqrt(90.0 * math.pi / 2) < 0.02
+
+
+def test_a_transimpedance_amplifier_reads_the_same_rate_a_quarter_turn_early() -> None:
+    shipped = fg.Scenario.shipped("dual_mass_volts")
+    made = shipped.replace(
+        {
+            **REBALANCE,
+            "plant.angular_rate": math.radians(200.0),
+            "run.initial_position": (0.0, 0.0),
+            "electronics.feedthrough": (0.0,) * 4,
+            "run.duration": 0.2 * shipped.plant.scales.rate,
+        }
+    )
+
+    def read(changes: dict[str, Any]) -> float:
+        rate = fg.simulate(made.replace(changes))["rate_estimate"].values
+        return float(rate[-len(rate) // 10 :].mean() * made.plant.scales.rate / made.plant.angular_rate)
+
+    amplifier = {"electronics.amplifier": "transimpedance"}
+    assert read(amplifier) == pytest.approx(read({}), rel=2e-3)
+    with pytest.raises(fg.DivergedError):  # a law that takes the quarter turn for none
+        read({**amplifier, "datasheet.lag": 0.0})
+    with pytest.raises(ScenarioError, match="amplifier is transimpedance, which reads the velocity"):
+        shipped.replace(amplifier)
 
 
 # -- Other targets ----------------------------------------------------------------------------------------------------
@@ -508,11 +613,6 @@ def test_a_replay_of_a_run_whose_drivers_round_is_refused(tmp_path: Path) -> Non
     fg.simulate(made).to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
     with pytest.raises(ValueError, match=r"run\.nc was recorded with electrodes whose drivers round the force"):
         fg.export.replay(tmp_path / "run.nc", "host")
-
-
-def test_a_loop_in_another_target_refuses_volts(tmp_path: Any) -> None:
-    with pytest.raises(ScenarioError, match="electrodes is given: a loop in this target has no volts"):
-        fmu(in_volts(), tmp_path / "loop.fmu", content="loop", unbounded=True)
 
 
 # -- fracgyro scenario FILE --at-bias ----------------------------------------------------------------------------------

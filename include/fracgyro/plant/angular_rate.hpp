@@ -48,10 +48,15 @@ struct AngularRateParams {
     std::uint64_t seed = 0;
     bool inertial = false;  // the centrifugal and Euler forces follow the rate (varying_gyroscope.hpp)
     Profile table{};
+    // Ωx and Ωy over time, and those of the plant; without times they are these.
+    std::array<Profile, 2> across{};
+    Vec2<double> across_mean{};
+
+    bool tilts() const { return !across[0].times.empty(); }
 
     static constexpr std::string_view kinds[] = {"constant", "staircase", "sine", "chirp", "noise", "table"},
                                       switches[] = {"false", "true"};
-    // Fields, without the table.
+    // Fields, without the profiles.
     static constexpr auto fields() {
         using P = AngularRateParams;
         constexpr Range count{.low = 1.0, .high = 1e9, .whole = true}, steps{.low = 0.0, .high = 1e9, .whole = true};
@@ -125,10 +130,23 @@ public:
                 return mean_;
         }
     }
+    // Stiffness that Ωx and Ωy add, eq. (1), beyond those of the plant.
+    Sym2<double> tilted(std::int64_t n, int halves) const {
+        if (!params_.tilts()) {
+            return {};
+        }
+        return centrifugal({params_.across[0].within(n, halves), params_.across[1].within(n, halves)}) -
+               centrifugal(params_.across_mean);
+    }
     double at(std::int64_t n) const { return within(n, 0); }
     double before(std::int64_t n) const { return n > 0 ? within(n - 1, 2) : within(0, 0); }
 
 private:
+    static Sym2<double> centrifugal(const Vec2<double>& across) {
+        const double x = across.x(), y = across.y();
+        return {-(y * y), x * y, -(x * x)};
+    }
+
     static constexpr std::size_t tones = 32;
     static constexpr std::uint32_t stream = 3;
 

@@ -13,7 +13,7 @@
 
 namespace fracgyro {
 
-enum class AmplifierKind { ideal, charge };
+enum class AmplifierKind { ideal, charge, transimpedance };
 
 struct ElectronicsParams {
     static constexpr double off = std::numeric_limits<double>::infinity();
@@ -23,17 +23,20 @@ struct ElectronicsParams {
     double feedback_resistance = off, feedback_capacitance = 0.0, input_capacitance = 0.0;
     double voltage_noise = 0.0, current_noise = 0.0;
     Vec2<double> pole{off, off};
-    double carrier_frequency = 0.0, carrier_voltage = 0.0;
+    double carrier_frequency = 0.0, carrier_voltage = 0.0, carrier_flicker = 0.0;
     std::array<double, 4> feedthrough{};
+    double feedthrough_lag = 0.0;
     double sample_delay = 0.0, update_delay = 0.0, aperture = 0.0, jitter = 0.0;
     bool linearized = false;
 
-    static constexpr std::string_view amplifiers[] = {"ideal", "charge"}, switches[] = {"false", "true"};
+    static constexpr std::string_view amplifiers[] = {"ideal", "charge", "transimpedance"},
+                                      switches[] = {"false", "true"};
     static constexpr auto fields() {
         using P = ElectronicsParams;
         return Fields{
             choice("amplifier", &P::amplifier, amplifiers,
-                   "charge: a charge amplifier, with noise, and a high-pass of 1/(R_f C_f). ideal: off."),
+                   "charge: a charge amplifier, with noise, and a high-pass of 1/(R_f C_f); transimpedance: reads the "
+                   "current and so the velocity, over the frequency of the resonance, up to pole. ideal: off."),
             field("feedback_resistance", &P::feedback_resistance, "ohm", limit, "> 0: R_f of the amplifier. inf: off."),
             field("feedback_capacitance", &P::feedback_capacitance, "F", at_least_0, "C_f of the amplifier."),
             field("input_capacitance", &P::input_capacitance, "F", at_least_0,
@@ -45,9 +48,16 @@ struct ElectronicsParams {
                   "of the carrier on the pick-offs. 0.0: off, a constant bias."),
             field("carrier_voltage", &P::carrier_voltage, "V", at_least_0, "rms amplitude of the carrier."),
             field(
+                "carrier_flicker", &P::carrier_flicker, "1", at_least_0,
+                "Flicker of the carrier's amplitude as a fraction, and so of the gain of all pick-offs: B of IEEE Std "
+                "952, an Allan deviation of 0.664 B. 0.0: off."),
+            field(
                 "feedthrough", &P::feedthrough, "F", any_number,
                 "[xx, xy, yx, yy]: capacitance to the pick-off of the first axis from the drive of the second. Zeros: "
                 "off."),
+            field("feedthrough_lag", &P::feedthrough_lag, "rad", Range{.low = 0.0, .high = 1.57},
+                  "phase by which the feedthrough lags at the resonance of x, as it also leaks through resistances, at "
+                  "most 1.57; needs a charge amplifier with R_f. 0.0: off, capacitances only."),
             field("sample_delay", &P::sample_delay, "s", at_least_0,
                   "time before a sample at which the position is taken; with aperture less than a step. 0.0: off."),
             field("update_delay", &P::update_delay, "s", at_least_0,

@@ -2,8 +2,12 @@
 //
 //    s = p(q) + β u       the reading of a pick-off, and the feedthrough of the drive
 //    ẇ = ω_h (s - w)      the high-pass of a charge amplifier, 1/(R_f C_f); it passes s - w
-//    ż = ω_p (s - w - z)  its low-pass; z is its output, or s - w without a pole
+//    l̇ = λ β u - ω_h l    what the drive leaks through resistances, after the high-pass
+//    ż = ω_p (s - w + l - z)  its low-pass; z is its output, or s - w + l without a pole, times a gain
 //    y                    z at t - τ_s, or its mean over τ_a before; the force u acts from t + τ_u on
+//
+// A transimpedance amplifier reads ṡ/ω at the resonance ω, with a pole: jω/(1 + jω/ω_p)/ω is a high-pass of ω_p with
+// the gain ω_p/ω.
 //
 // All of it is linear but p(q) - q. Rows of matrix exponentials are therefore exact for a gyroscope with a held force,
 // whatever the pole. p(q) - q is taken as a line over the step, and the motion of a varying gyroscope less that of the
@@ -18,8 +22,10 @@ namespace fracgyro {
 // Nondimensional.
 struct ReadoutParams {
     static constexpr double off = std::numeric_limits<double>::infinity();
-    Vec2<double> pole{off, off}, high_pass{};                       // ω_p, ω_h
-    Matrix2<double> feedthrough{};                                  // β
+    Vec2<double> pole{off, off}, high_pass{};  // ω_p, ω_h
+    Matrix2<double> feedthrough{};             // β
+    double leak = 0.0;                         // λ
+    Vec2<double> gain{1.0, 1.0};
     double sample_delay = 0.0, update_delay = 0.0, aperture = 0.0;  // τ_s, τ_u, τ_a; τ_s + τ_a and τ_u below a step
 
     bool on() const {
@@ -31,13 +37,14 @@ struct ReadoutParams {
 };
 
 struct Readout {
-    // q, q̇, w, z, ∫ of the output, u before and after τ_u, d, and p(q) - q with its first and second derivative: x, y.
-    static constexpr std::size_t size = 22;
-    static constexpr std::size_t w = 4, z = 6, sum = 8, before = 10, after = 12, d = 14, rest = 16;
+    // q, q̇, w, z, ∫ of the output, u before and after τ_u, d, p(q) - q with its first and second derivative, l: x, y.
+    static constexpr std::size_t size = 24;
+    static constexpr std::size_t w = 4, z = 6, sum = 8, before = 10, after = 12, d = 14, rest = 16, leak = 22;
     using Row = std::array<double, size>;
     using Input = Row;
     struct Coefficients {
         std::array<Row, 4> inside{};                                   // w, z at the end
+        std::array<Row, 2> leaks{};                                    // l
         std::array<Row, 2> output{}, position{};                       // y; q at the end, of the linear gyroscope
         std::array<Vec2<double>, 2> late_position{}, late_velocity{};  // effect of a force over τ_u: by x, by y
         std::array<std::array<double, 2>, 6> at_rest{};  // w, z, y of a motion at the resonance, from q and q̇
@@ -46,6 +53,7 @@ struct Readout {
     };
     struct State {
         std::array<double, 4> inside{};
+        Vec2<double> leaked{};
         Vec2<double> force{}, reading{};  // force of the step before; the coming sample
     };
 
@@ -66,6 +74,7 @@ struct Readout {
         const Matrix<size>& then = step - p.sample_delay <= p.update_delay ? early : late;
         for (std::size_t i = 0; i < 2; ++i) {
             c.position[i] = whole[i];
+            c.leaks[i] = whole[leak + i];
             if (p.aperture > 0.0) {
                 const Matrix<size> begun = until(step - p.sample_delay - p.aperture);
                 for (std::size_t j = 0; j < size; ++j) {
@@ -129,13 +138,18 @@ struct Readout {
                  bent.x(),
                  bent.y(),
                  slope.x(),
-                 slope.y()};
+                 slope.y(),
+                 0.0,
+                 0.0,
+                 state.leaked.x(),
+                 state.leaked.y()};
         const Vec2<double> linear{times(c.position[0], in), times(c.position[1], in)};
         const Vec2<double> curve = (2.0 * per_step * per_step) * (to.position - linear);
         in[rest + 4] = curve.x(), in[rest + 5] = curve.y();
         for (std::size_t i = 0; i < 4; ++i) {
             state.inside[i] = times(c.inside[i], in);
         }
+        state.leaked = {times(c.leaks[0], in), times(c.leaks[1], in)};
         state.reading = {times(c.output[0], in), times(c.output[1], in)};
         state.force = force;
     }
@@ -145,7 +159,8 @@ private:
     static Matrix<size> system(const ReadoutParams& p, const GyroscopeParams& plant, std::size_t acting) {
         const Matrix<6> mass = Gyroscope<double>::system(plant);
         Matrix<size> a{};
-        const std::array<double, 2> pole{p.pole.x(), p.pole.y()}, high{p.high_pass.x(), p.high_pass.y()};
+        const std::array<double, 2> pole{p.pole.x(), p.pole.y()}, high{p.high_pass.x(), p.high_pass.y()},
+            gain{p.gain.x(), p.gain.y()};
         const std::array<std::array<double, 2>, 2> beta{
             {{p.feedthrough.first.x(), p.feedthrough.second.x()}, {p.feedthrough.first.y(), p.feedthrough.second.y()}}};
         for (std::size_t i = 0; i < 4; ++i) {
@@ -160,11 +175,18 @@ private:
             passed[i] = passed[rest + i] = 1.0;
             passed[w + i] = -1.0;
             passed[acting] = beta[i][0], passed[acting + 1] = beta[i][1];
-            const bool filters = pole[i] < ReadoutParams::off;
             for (std::size_t j = 0; j < size; ++j) {
                 a[w + i][j] = high[i] * passed[j];
+            }
+            if (p.leak > 0.0) {
+                a[leak + i][leak + i] = -high[i];
+                a[leak + i][acting] = p.leak * beta[i][0], a[leak + i][acting + 1] = p.leak * beta[i][1];
+                passed[leak + i] = 1.0;
+            }
+            const bool filters = pole[i] < ReadoutParams::off;
+            for (std::size_t j = 0; j < size; ++j) {
                 a[z + i][j] = filters ? pole[i] * (passed[j] - (j == z + i ? 1.0 : 0.0)) : 0.0;
-                a[sum + i][j] = filters ? (j == z + i ? 1.0 : 0.0) : passed[j];
+                a[sum + i][j] = gain[i] * (filters ? (j == z + i ? 1.0 : 0.0) : passed[j]);
             }
         }
         return a;
@@ -183,7 +205,7 @@ private:
             const Vec2<double> lag = (1.0 / (1.0 + low * low)) * Vec2<double>{1.0, -low};
             const Vec2<double> out = times(passed, lag);
             const Vec2<double> back = turn_of<double>(omega * (p.sample_delay + 0.5 * p.aperture));
-            const Vec2<double> sampled = times(out, {back.x(), -back.y()});
+            const Vec2<double> sampled = (i == 0 ? p.gain.x() : p.gain.y()) * times(out, {back.x(), -back.y()});
             const std::array<Vec2<double>, 3> rows{
                 held, p.pole.x() < ReadoutParams::off || p.pole.y() < ReadoutParams::off ? out : Vec2<double>{},
                 sampled};

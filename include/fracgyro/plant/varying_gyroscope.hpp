@@ -10,6 +10,8 @@
 //    1967): the classical Runge-Kutta method applied to exp(-A t) x. The linear constant part is exact, including the
 //    force, so the step neither damps nor detunes the modes; the only error is due to N, h⁵ per step.
 //
+//    Ωx(t) and Ωy(t) add their terms of eq. (1), less those of the plant, to K.
+//
 //    `inertial`: the centrifugal and Euler forces follow Ωz(t), as in a frame that turns with it,
 //        (d/dt + Ω)² q + (1 + η) (D + ΔD) q̇ + … = u + d.   With δ = Ωz - its mean, J q = [-y, x], w = q̇ + δ J q this is
 //        q̇ = w - δ J q,       ẇ = A-part of (q, w) + δ ((D + ΔD) J q - J w) - η (D + ΔD) q̇ + …
@@ -27,11 +29,13 @@ struct VaryingPlantParams {
     bool inertial = false;
     ThermalParams thermal{};
     CubicCoupling coupling{};
+    bool tilts = false;
 };
 
-// Deviations from the mean at one instant: Ωz - mean, ε and η; T, where K' or D' is not zero.
+// Deviations from the mean at one instant: Ωz - mean, ε and η; T, where K' or D' is not zero; what Ωx and Ωy add to K.
 struct Variation {
     double rate = 0.0, stiffness = 0.0, damping = 0.0, warmer = 0.0;
+    Sym2<double> tilt{};
 };
 
 // K'
@@ -54,7 +58,7 @@ struct VaryingGyroscope {
         CubicCoupling coupling{};
         bool coupled = false;
         double step = 0.0;
-        bool inertial = false;
+        bool inertial = false, tilts = false;
     };
     // Values over one step: the rate before its first sample, as it may jump there; then at its beginning, middle and
     // end.
@@ -75,7 +79,8 @@ struct VaryingGyroscope {
                 .coupling = p.coupling,
                 .coupled = p.coupling.on(),
                 .step = step,
-                .inertial = p.inertial};
+                .inertial = p.inertial,
+                .tilts = p.tilts};
     }
 
     static void step(Motion<double>& state, const Coefficients& c, Vec2<double> control, Vec2<double> disturbance,
@@ -129,6 +134,9 @@ private:
         Vec2<double> force = -(now.stiffness * (c.stiffness * q) + c.cubic * (q * (q * q)));
         if (c.coupled) {
             force = force + c.coupling(q);
+        }
+        if (c.tilts) {
+            force = force - now.tilt * q;
         }
         if constexpr (!std::is_same_v<Force, NoForce>) {
             force = force + more(q);

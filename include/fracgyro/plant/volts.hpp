@@ -8,6 +8,7 @@
 // `plant` of a run has the springs at bias: K less the softening of the electrodes.
 #pragma once
 
+#include "fracgyro/plant/common_mode.hpp"
 #include "fracgyro/plant/electronics.hpp"
 #include "fracgyro/plant/imperfections.hpp"
 
@@ -16,6 +17,7 @@ namespace fracgyro {
 struct VoltsParams {
     ElectronicsParams electronics{};
     std::vector<ElectrodeParams> electrodes{};
+    CommonModeParams common{};
     double mass = 1.0, length = 1.0, rate = 1.0;  // units, in SI
     bool present = false;
     bool tuned = false, nulled = false;  // a trim sets the voltages of tuning, of quadrature
@@ -78,8 +80,8 @@ inline AtBias at_bias(const VoltsParams& p, const Vec2<double>& stiffness = {1.0
     return found;
 }
 
-// White noise of a device in volts, with a deviation for each axis: that of the amplifiers takes the place of the
-// position's, that of the drivers adds to their voltages.
+// All that a device in volts draws: the acceleration of its frame, and white noise, with a deviation for each axis. The
+// noise of the amplifiers takes the place of the position's, that of the drivers adds to their voltages.
 class VoltsNoise {
 public:
     VoltsNoise(const VoltsParams& p, const GyroscopeParams& plant, std::uint64_t seed, double step) : on_(p.present) {
@@ -92,12 +94,18 @@ public:
             const Vec2<double> drive = drive_noise(p);
             drive_deviation_ = square_root(0.5 * p.rate / step) * drive;
             drive_ = Disturbance(white(drive.x() > 0.0 || drive.y() > 0.0 ? 1.0 : 0.0, seed, 8), step);
+            DisturbanceParams acceleration = p.common.acceleration;
+            acceleration.seed = seed;
+            acceleration_ = Disturbance(acceleration, step);
+            carrier_ = Disturbance(white(p.electronics.carrier_flicker > 0.0 ? 1.0 : 0.0, seed, 9), step);
         }
     }
     bool on() const { return on_; }
     Vec2<double> amplifier(std::int64_t n) { return deviation_ * amplifier_(n); }
     Vec2<double> jitter(std::int64_t n) { return jitter_(n); }
     Vec2<double> drive(std::int64_t n) { return drive_deviation_ * drive_(n); }  // V
+    Vec2<double> acceleration(std::int64_t n) { return acceleration_(n); }       // -a
+    double carrier(std::int64_t n) { return carrier_(n).x(); }                   // white, before its filter
 
 private:
     // V/√Hz of the drivers of x and y.
@@ -121,7 +129,7 @@ private:
     bool on_;
     Vec2<double> deviation_{};
     Vec2<double> drive_deviation_{};
-    Disturbance amplifier_{{}, 1.0}, jitter_{{}, 1.0}, drive_{{}, 1.0};
+    Disturbance amplifier_{{}, 1.0}, jitter_{{}, 1.0}, drive_{{}, 1.0}, acceleration_{{}, 1.0}, carrier_{{}, 1.0};
 };
 
 struct Volts {
@@ -133,7 +141,9 @@ struct Volts {
         Vec2<double> resting{};  // force at q = 0 and at bias, which is held
         std::array<Quantizer, 2> converters{};
         Readout::Coefficients readout{};
+        CommonMode::Coefficients common{};
         double half = 0.0, late = 0.0;  // half a step; delay of an update
+        double carrier_flicker = 0.0;
         bool on = false, drives = false, trimmed = false, acts = false, reads = false, linearized = false;
         bool converts = false;  // the acting force differs from the request, and is known
     };
@@ -141,9 +151,12 @@ struct Volts {
         Readout::State readout{};
         Voltages volts{}, volts_before{};  // in this step, in the one before
         Vec2<double> noise{};              // drivers, V
-        Vec2<double> bent{};               // p(q) - q
-        Vec2<double> code{};               // the force that the last code is meant to be
-        std::int64_t touched = 0;          // 1 + place of the electrode that the mass touches
+        Vec2<double> acceleration{};       // -a over the step
+        CommonMode::State common{};
+        Flicker::State<double> carrier{};
+        Vec2<double> bent{};       // p(q) - q
+        Vec2<double> code{};       // the force that the last code is meant to be
+        std::int64_t touched = 0;  // 1 + place of the electrode that the mass touches
     };
 
     static Coefficients prepare(const VoltsParams& p, const GyroscopeParams& plant, double step) {
@@ -159,6 +172,7 @@ struct Volts {
         c.reads = at.reads;
         c.trimmed = p.tuned || p.nulled;
         c.linearized = p.electronics.linearized;
+        c.carrier_flicker = p.electronics.carrier_flicker;
         c.softening = at.softening;
         if (c.drives) {
             c.volts_per_force = inverse(at.gain);
@@ -192,17 +206,37 @@ struct Volts {
                 }
             }
         }
-        c.readout = Readout::prepare(readout_of(p, at), plant, step);
+        ReadoutParams readout = readout_of(p, at);
+        const Sym2<double> springs = plant.stiffness + plant.stiffness_deviation;
+        const SineCosine<double> lag = sine_cosine<double>(phase_of(p.electronics.feedthrough_lag));
+        const Vec2<double> resonance{square_root(maximum(springs.xx(), 1e-12)),
+                                     square_root(maximum(springs.yy(), 1e-12))};
+        readout.leak = resonance.x() * lag.sine / lag.cosine;
+        if (p.electronics.amplifier == AmplifierKind::transimpedance) {
+            readout.high_pass = readout.pole;
+            readout.gain = {readout.pole.x() / resonance.x(), readout.pole.y() / resonance.y()};
+            readout.pole = {ReadoutParams::off, ReadoutParams::off};
+        }
+        c.readout = Readout::prepare(readout, plant, step);
+        c.common = CommonMode::prepare(p.common, step);
         return c;
     }
 
     static State start(const Coefficients& c, const Motion<double>& at) {
         State state;
         if (c.on) {
-            state.bent = bend(c, at.position);
+            state.bent = bend(c, at.position, {});
             state.readout = Readout::start(c.readout, at, state.bent);
         }
         return state;
+    }
+
+    // The sample, with the noise drawn for it.
+    static Vec2<double> sample(State& state, const Coefficients& c, double carrier, const Vec2<double>& jitter,
+                               const Vec2<double>& velocity) {
+        const Vec2<double> reading = state.readout.reading + jitter * velocity;
+        return c.carrier_flicker > 0.0 ? (1.0 + c.carrier_flicker * Flicker::next(state.carrier, carrier)) * reading
+                                       : reading;
     }
 
     // The force that acts linearly for the force asked for, which sets the voltages. `measured`: the position known.
@@ -217,11 +251,22 @@ struct Volts {
         return c.known_gain * (more * volts(c, asked, more));
     }
 
-    // Force of the electrodes beyond `resting` and their linear part.
-    static Vec2<double> rest(const Coefficients& c, const Vec2<double>& q, const Voltages& volts) {
+    // Force of the electrodes beyond `resting` and their linear part, with the common mode at `shift`: that of the gaps
+    // which it leaves, less what pulls the masses all alike.
+    static Vec2<double> rest(const Coefficients& c, const Vec2<double>& q, const Voltages& volts,
+                             const Vec2<double>& shift) {
         Vec2<double> force{};
-        for (const Electrode& each : c.electrodes) {
-            force = force + each.force(q, volts);
+        if (c.common.on) {
+            Voltages undriven = volts;
+            undriven.drive = {};
+            for (const Electrode& each : c.electrodes) {
+                force =
+                    force + (each.force(q + shift, volts) - (each.force(shift, undriven) - each.force({}, undriven)));
+            }
+        } else {
+            for (const Electrode& each : c.electrodes) {
+                force = force + each.force(q, volts);
+            }
         }
         return force - (c.resting + (c.softening * q + c.force_per_volt * volts.drive));
     }
@@ -238,14 +283,14 @@ struct Volts {
     static void finish(State& state, const Coefficients& c, const Motion<double>& from, Motion<double>& to,
                        const Vec2<double>& force, const Vec2<double>& disturbance) {
         for (std::size_t place = 0; place < c.electrodes.size(); ++place) {
-            if (state.touched == 0 && c.electrodes[place].touches(to.position)) {
+            if (state.touched == 0 && c.electrodes[place].touches(to.position + state.common.position)) {
                 state.touched = static_cast<std::int64_t>(place) + 1;
                 constexpr double beyond = std::numeric_limits<double>::infinity();
                 to.position = {beyond, beyond};  // ends the run
                 return;
             }
         }
-        const Vec2<double> bends = bend(c, to.position);
+        const Vec2<double> bends = bend(c, to.position, state.common.position);
         if (c.readout.on) {
             Readout::step(state.readout, c.readout, from, to, force, disturbance, state.bent, bends);
         } else {
@@ -268,13 +313,15 @@ private:
         return {growth(c.per_gap[0] * measured.x()), growth(c.per_gap[1] * measured.y())};
     }
     // p(q) - q
-    static Vec2<double> bend(const Coefficients& c, const Vec2<double>& q) {
+    static Vec2<double> bend(const Coefficients& c, const Vec2<double>& q, const Vec2<double>& shift) {
         if (!c.reads) {
             return {};
         }
         Vec2<double> read{};
         for (std::size_t place = 0; place < c.pickoffs.size(); ++place) {
-            read = read + c.pickoffs[place].reading(q) * c.weights[place];
+            const Electrode& each = c.pickoffs[place];
+            const double reading = c.common.on ? each.reading(q + shift) - each.reading(shift) : each.reading(q);
+            read = read + reading * c.weights[place];
         }
         return read - q;
     }

@@ -26,7 +26,7 @@ template <class Params>
 bool plant_drifts(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return s.rate.kind != AngularRateKind::constant || d.rate_wanders() || d.stiffness_drift != 0.0 ||
-           d.damping_drift != 0.0 || d.thermal.moves_plant();
+           d.damping_drift != 0.0 || d.thermal.moves_plant() || s.rate.tilts();
 }
 template <class Params>
 bool plant_varies(const DeviceSetupOf<Params>& s) {
@@ -109,13 +109,15 @@ struct DeviceGyroscope {
             return {.rate = rate.within(n, halves) - mean_rate + bias,
                     .stiffness = device.device.stiffness_drift * by,
                     .damping = device.device.damping_drift * by,
-                    .warmer = warms ? by : 0.0};
+                    .warmer = warms ? by : 0.0,
+                    .tilt = rate.tilted(n, halves)};
         }
     };
     struct Drawn {
         Vec2<double> disturbance;
         DeviceDraw device;
-        Vec2<double> jitter{}, drive{};
+        Vec2<double> jitter{}, drive{}, acceleration{};
+        double carrier = 0.0;
     };
     // All noise drawn in a run.
     class Draw {
@@ -131,6 +133,8 @@ struct DeviceGyroscope {
                 drawn.device.noise.position = drawn.device.noise.position + volts_.amplifier(n);
                 drawn.jitter = volts_.jitter(n);
                 drawn.drive = volts_.drive(n);
+                drawn.acceleration = volts_.acceleration(n);
+                drawn.carrier = volts_.carrier(n);
             }
             return drawn;
         }
@@ -151,18 +155,18 @@ struct DeviceGyroscope {
     template <class Params>
     static Coefficients prepare(const DeviceSetupOf<Params>& s) {
         const double step = s.common.step;
-        return {
-            .plant = Gyroscope<double>::prepare(s.plant, step),
-            .varying = VaryingGyroscope::prepare(
-                {s.plant, s.device.cubic_stiffness, s.rate.inertial, s.device.thermal, s.device.cubic_coupling}, step),
-            .varies = plant_varies(s),
-            .drifts = plant_drifts(s),
-            .warms = s.device.thermal.moves_plant(),
-            .mean_rate = s.plant.rate,
-            .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
-            .device = Imperfections::prepare(s.device),
-            .volts = Volts::prepare(s.volts, s.plant, step),
-            .trim = s.volts.nulled ? Trim<double>::prepare(s.trim, s.common) : Trim<double>::Coefficients{}};
+        return {.plant = Gyroscope<double>::prepare(s.plant, step),
+                .varying = VaryingGyroscope::prepare({s.plant, s.device.cubic_stiffness, s.rate.inertial,
+                                                      s.device.thermal, s.device.cubic_coupling, s.rate.tilts()},
+                                                     step),
+                .varies = plant_varies(s),
+                .drifts = plant_drifts(s),
+                .warms = s.device.thermal.moves_plant(),
+                .mean_rate = s.plant.rate,
+                .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
+                .device = Imperfections::prepare(s.device),
+                .volts = Volts::prepare(s.volts, s.plant, step),
+                .trim = s.volts.nulled ? Trim<double>::prepare(s.trim, s.common) : Trim<double>::Coefficients{}};
     }
     template <class Params>
     static State start(const DeviceSetupOf<Params>& s) {
@@ -180,8 +184,9 @@ struct DeviceGyroscope {
         state.disturbance = drawn.disturbance;
         Motion<double> seen = state.motion;
         if (c.volts.on) {
-            seen.position = state.volts.readout.reading + drawn.jitter * seen.velocity;
+            seen.position = Volts::sample(state.volts, c.volts, drawn.carrier, drawn.jitter, seen.velocity);
             state.volts.noise = drawn.drive;
+            state.volts.acceleration = drawn.acceleration;
         }
         state.measured = Imperfections::sense(state.device, c.device, seen, drawn.device);
         return state.measured;
@@ -265,16 +270,22 @@ private:
         Volts::State& volts = state.volts;
         Motion<double> from = state.motion;
         const Vec2<double> held = state.disturbance + v.resting;
+        const Vec2<double> shift = volts.common.position;
+        if (v.common.on) {
+            CommonMode::step(volts.common, v.common, volts.acceleration);
+        }
+        const Vec2<double>& shifted = volts.common.position;
         if (c.drifts) {
+            const Vec2<double> meanwhile = 0.5 * (shift + shifted);
             VaryingGyroscope::step(state.motion, c.varying, state.applied, held, course(state, c, n),
-                                   [&](const Vec2<double>& q) { return Volts::rest(v, q, volts.volts); });
+                                   [&](const Vec2<double>& q) { return Volts::rest(v, q, volts.volts, meanwhile); });
         } else if (v.acts || c.varies) {
             // For a time with the voltages before the update, and for the rest of half a step with those after it.
-            const auto kick = [&](Motion<double>& at, double before) {
+            const auto kick = [&](Motion<double>& at, const Vec2<double>& moved, double before) {
                 const Vec2<double>& q = at.position;
                 const auto push = [&](const Voltages& volt, double time) {
                     at.velocity =
-                        at.velocity + time * (Volts::rest(v, q, volt) + VaryingGyroscope::cubic(c.varying, q));
+                        at.velocity + time * (Volts::rest(v, q, volt, moved) + VaryingGyroscope::cubic(c.varying, q));
                 };
                 if (before > 0.0) {
                     push(volts.volts_before, before);
@@ -283,10 +294,10 @@ private:
                     push(volts.volts, v.half - before);
                 }
             };
-            kick(from, minimum(v.late, v.half));
+            kick(from, shift, minimum(v.late, v.half));
             state.motion = from;
             Gyroscope<double>::step(state.motion, c.plant, state.applied, held);
-            kick(state.motion, maximum(v.late - v.half, 0.0));
+            kick(state.motion, shifted, maximum(v.late - v.half, 0.0));
         } else {
             Gyroscope<double>::step(state.motion, c.plant, state.applied, held);
         }

@@ -105,6 +105,46 @@ inline void take_terms(DisturbanceParams& disturbance, std::span<const double> n
     }
 }
 
+// Takes Ωx and Ωy over time from one list: those of the plant, then times in steps, all Ωx and all Ωy.
+inline void take_transverse(AngularRateParams& rate, std::span<const double> numbers) {
+    if (numbers.size() < 2) {
+        return;
+    }
+    rate.across_mean = {numbers[0], numbers[1]};
+    const std::size_t count = (numbers.size() - 2) / 3;
+    const auto part = [&](std::size_t place) {
+        const double* const from = numbers.data() + 2 + place * count;
+        return std::vector<double>(from, from + count);
+    };
+    rate.across = {Profile{part(0), part(1)}, Profile{part(0), part(2)}};
+}
+
+// Takes a device in volts from one list: units of mass, length and rate; the numbers of [electronics]; how many
+// electrodes, and the numbers of each; those of [trim], and the lag of readings and forces, s; frequencies and quality
+// factors of the common mode, and the acceleration that moves it, as take_terms reads it.
+template <class Params>
+void take_volts(DeviceSetupOf<Params>& setup, std::span<const double> numbers) {
+    const double *at = numbers.data(), *const end = at + numbers.size();
+    const auto take = [&](double& number) { number = *at++; };
+    VoltsParams& volts = setup.volts = {.present = true};
+    take(volts.mass), take(volts.length), take(volts.rate);
+    for_each_setting_of("electronics", volts.electronics, detail::TakeFrom{at});
+    volts.electrodes.resize(static_cast<std::size_t>(*at++));
+    for (ElectrodeParams& each : volts.electrodes) {
+        for_each_setting_of("electrodes", each, detail::TakeFrom{at});
+    }
+    TrimSettings trim;
+    for_each_setting_of("trim", trim, detail::TakeFrom{at});
+    volts.tuned = trim.tuning == TrimTuning::split;
+    volts.nulled = trim.on();
+    setup.trim = trim_of(trim, volts, *at++);
+    for (Vec2<double>* const pair : {&volts.common.frequency, &volts.common.quality}) {
+        const double x = *at++, y = *at++;
+        *pair = {x, y};
+    }
+    take_terms(volts.common.acceleration, {at, end});
+}
+
 // Parts around a controller as numbers: the bandwidth of observer and filter, 0 without it;
 // noise of force, position and velocity, and the delay, that the filter assumes; threshold and share of the trigger, 0
 // without it; errors of the pick-offs' gains, and their angle; bandwidth of the disturbance observer, 0 without it.

@@ -21,7 +21,7 @@ from .compilers import SOURCES, Number
 from .converters import converters
 from .course import course
 from .initializers import initializer, list_text
-from .settings import check_exported, columns
+from .settings import check_controller, columns
 
 # Units in the header, by their names there.
 UNITS = {
@@ -68,7 +68,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
-    check_exported(scenario)
+    check_controller(scenario)
     channels, values_by_name = persistent_channels(setup), core_numbers(scenario)
     stiffness = [values_by_name[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales

@@ -25,10 +25,11 @@ from ..extras import needs
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
-from ..scenario.device_core import is_ideal, profiles
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, SINE_DRIVES, reported_channels
-from ..scenario.terms import first_part, term_list
+from ..scenario.device_core import device_channels, is_ideal, profiles, transverse_list
+from ..scenario.kinds import LOOP_CHANNELS, SINE_DRIVES, reported_channels
+from ..scenario.terms import first_part, term_list, terms
 from ..scenario.to_core import check_single, core_setup
+from ..scenario.volts_core import NO_ELECTRODES
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .converters import amplifier_volts, driver
 from .settings import (
@@ -46,6 +47,7 @@ from .settings import (
     unit,
     without_plant,
 )
+from .settings import volts as device_in_volts
 from .units import base_unit, scale_and_unit
 
 Content = Literal["loop", "controller"]
@@ -270,7 +272,7 @@ def _reference_inputs(scenario: Scenario) -> Iterator[Variable]:
 
 def _outputs(scenario: Scenario, content: Content, volts: _Volts | None) -> Iterator[Variable]:
     place = 0
-    device = DEVICE_CHANNELS if content == "loop" and not is_ideal(scenario) else ()
+    device = device_channels(scenario) if content == "loop" else ()
     for channel in (*LOOP_CHANNELS, *reported_channels(core_setup(scenario)), *device):
         for part, name in enumerate(columns(channel)):
             scale, symbol = _shown(channel.units[part % len(channel.units)], scenario)
@@ -311,7 +313,7 @@ def _header(
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
     ideal = content == "controller" or is_ideal(scenario)
-    terms, table = reference_lists(scenario)
+    sines, table = reference_lists(scenario)
     rate, temperature = (([], []), ([], [])) if ideal else profiles(scenario)
     rows = []
     for v in variables:
@@ -341,13 +343,16 @@ def _header(
         _array("driver", volts.driver if volts else []),
         _array("poles", poles),
         _array("weights", weights),
-        _array("reference_terms", terms),
+        _array("reference_terms", sines),
         _array("reference_rows", table),
         _array("rate_times", rate[0]),
         _array("rate_values", rate[1]),
+        _array("transverse", [] if ideal else transverse_list(scenario)),
         _array("temperature_times", temperature[0]),
         _array("temperature_values", temperature[1]),
-        _array("terms", term_list(scenario) if content == "loop" else []),
+        f"inline constexpr bool has_electrodes = {_cpp(content == 'loop' and scenario.electrodes != NO_ELECTRODES)};",
+        _array("volts", device_in_volts(scenario) if content == "loop" else []),
+        _array("terms", term_list(terms(scenario)) if content == "loop" else []),
         "inline constexpr Variable variables[] = {",
         *rows,
         "};",

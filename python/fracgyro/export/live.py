@@ -26,7 +26,7 @@ from ..scenario.printing import scenario_text
 from ..scenario.terms import first_part, named_terms
 from .compilers import SOURCES
 from .fmu import OF_DISTURBANCE
-from .settings import check_exported, settings
+from .settings import check_plant, settings
 from .web import BESIDES, build, build_module, document, module_data
 
 FACE = SOURCES / "integrations/web"
@@ -92,7 +92,7 @@ def live(scenario: Scenario, path: str | os.PathLike[str], *, name: str = "my.to
 
     >>> fg.export.live(fg.Scenario.shipped("dual_mass"), "live.html", name="dual_mass")  # doctest: +SKIP
     """
-    check_exported(scenario)
+    check_plant(scenario)
     data = scenario_data(scenario, name)
     with whole_file(path, replaces="nothing") as scratch, tempfile.TemporaryDirectory() as folder:
         wasm = Path(folder) / "fracgyro.wasm"

@@ -19,7 +19,7 @@ from ..scenario.schema import Plant
 from ..scenario.table import format_value
 from ..scenario.to_core import core_setup, datasheet, guard
 from ..scenario.volts import Electrodes, Electronics
-from ..scenario.volts_core import NO_ELECTRODES, drive, has_volts, plant_at_bias
+from ..scenario.volts_core import drive, has_volts, plant_at_bias
 from .units import scale_and_unit
 
 MAX_EXACT = 2**53 - 1  # integrations use doubles
@@ -39,7 +39,11 @@ class Setting:
 
 
 def without_plant(scenario: Scenario) -> Scenario:
-    """The scenario for the controller only: ideal plant and constant rate, with the same sensors."""
+    """The scenario for the controller only: ideal plant and constant rate, with the same sensors.
+
+    Raises ScenarioError for another plant or a trim.
+    """
+    check_controller(scenario)
     assumed = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
     device = Device(**{"sensing": scenario.device.sensing})
     linear = scenario.replace({"plant.kind": PLANT_KINDS[0]})
@@ -63,20 +67,25 @@ def check_rounding(scenario: Scenario) -> None:
         )
 
 
-def check_exported(scenario: Scenario) -> None:
-    """Raises ScenarioError for another plant or a trim, which targets do not have."""
+def check_plant(scenario: Scenario) -> None:
+    """Raises ScenarioError for a plant other than the gyroscope, which targets do not have."""
     if scenario.plant.kind != PLANT_KINDS[0]:
         raise ScenarioError(
             f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, the only plant that is exported"
         )
+
+
+def check_controller(scenario: Scenario) -> None:
+    """Raises ScenarioError for another plant or a trim, which targets of a controller without its loop do not have."""
+    check_plant(scenario)
     for name, value in scenario.trim:
         if name in ("tuning", "quadrature") and value != "fixed":
-            raise ScenarioError(f"trim.{name} is {value}: it must be fixed for a target, none of which has a trim")
+            raise ScenarioError(f"trim.{name} is {value}: it must be fixed for a controller without its loop")
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
     """All numbers of a run for the core, in its order (include/fracgyro/sim/settings.hpp)."""
-    check_exported(scenario)
+    check_plant(scenario)
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]
@@ -120,14 +129,14 @@ def device_numbers(scenario: Scenario) -> dict[str, float]:
     """The numbers of a dynamic rate and a real device as the core takes them; none if the device is ideal."""
     if is_ideal(scenario):
         return {}
-    if has_volts(scenario):
-        table = "electronics" if scenario.electrodes == NO_ELECTRODES else "electrodes"
-        raise ScenarioError(
-            f"{table} is given: a loop in this target has no volts; leave the table out, or export the controller only"
-        )
     if scenario.rate.seed > MAX_EXACT:
         raise ScenarioError(f"rate.seed is {scenario.rate.seed}: it must be below 2^53 to be exported")
     return to_core.device_numbers(scenario)
+
+
+def volts(scenario: Scenario) -> list[float]:
+    """A device in volts for its loop, as take_volts in settings.hpp reads it; empty without."""
+    return to_core.volts_list(scenario) if has_volts(scenario) else []
 
 
 def reference_lists(scenario: Scenario) -> tuple[list[float], list[float]]:

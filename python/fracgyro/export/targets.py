@@ -24,7 +24,7 @@ from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, ru
 from .firmware import firmware
 from .fmu import System, fmu
 from .matlab import matlab
-from .settings import columns, core_kernel, core_numbers, observer_bandwidth, reference_lists
+from .settings import check_controller, columns, core_kernel, core_numbers, observer_bandwidth, reference_lists
 from .web import build, web
 
 AnyNumber = Literal["float", "double", "fixed"]  # fixed: only on targets that other packages register
@@ -134,6 +134,7 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """Outputs of the lanes, in the widest registers of this processor. Raises ScenarioError for a filter."""
+    check_controller(scenario)
     observer = observer_bandwidth(scenario)
     program = Path(_lanes_program(tuple(compiler())).name) / "replay"
     lists = dict(zip(("poles", "weights"), core_kernel(scenario), strict=True))

@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ..files import Replaced, whole_file
-from ..scenario import Scenario
+from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
 from ..scenario.device import Device
-from ..scenario.device_core import is_ideal, profiles
+from ..scenario.device_core import is_ideal, profiles, transverse_list
 from ..scenario.kinds import (
     DEVICE_CHANNELS,
     DEVICE_NUMBERS,
@@ -33,6 +33,7 @@ from ..scenario.kinds import (
     LOOP_CHANNELS,
     OF_FILTER,
     TERM_NUMBERS,
+    VOLTS_CHANNELS,
     Channel,
     Number,
     numbers,
@@ -43,7 +44,18 @@ from ..scenario.terms import named_terms
 from ..scenario.to_core import datasheet
 from .compilers import FLAGS, SOURCES, include, zig
 from .compilers import Number as Precision
-from .settings import columns, device_numbers, meaning, offered, reference_lists, settings, unit
+from .settings import (
+    check_controller,
+    check_rounding,
+    columns,
+    device_numbers,
+    meaning,
+    offered,
+    reference_lists,
+    settings,
+    unit,
+    volts,
+)
 
 TARGET = ["-target", "wasm32-wasi"]
 # JSON Schema of the scenario's fields that are not numbers of the core.
@@ -95,6 +107,7 @@ def module_data() -> dict[str, Any]:
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
         "device": _columns(DEVICE_CHANNELS),
+        "volts": _columns(VOLTS_CHANNELS),
         "device_numbers": {number.name: _allowed(number) for number in DEVICE_NUMBERS},
         "term_numbers": {number.name: _allowed(number) for number in TERM_NUMBERS},
         "kinds": {kind: _kind(kind) for kind in KINDS},
@@ -183,6 +196,8 @@ def document(scenario: Scenario) -> dict[str, Any]:
         found["reference"] = lists
     if not is_ideal(scenario):
         found["device"] = _device(scenario)
+    if in_volts := volts(scenario):
+        found["volts"] = _volts(scenario, in_volts)
     if terms := list(named_terms(scenario)):
         found["disturbance"] = terms
     return found
@@ -200,7 +215,20 @@ def _device(scenario: Scenario) -> dict[str, Any]:
     rate, temperature = map(list, profiles(scenario))
     # JSON has no infinity: null is none.
     named = {name: value if math.isfinite(value) else None for name, value in device_numbers(scenario).items()}
-    return {"numbers": named, "rate": rate, "temperature": temperature}
+    across = transverse_list(scenario)
+    return {"numbers": named, "rate": rate, "temperature": temperature, "transverse": across}
+
+
+def _volts(scenario: Scenario, numbers: list[float]) -> dict[str, Any]:
+    """Numbers of a device in volts, and why its controller cannot be used without the loop."""
+    listed = [number if math.isfinite(number) else None for number in numbers]
+    found: dict[str, Any] = {"electrodes": len(scenario.electrodes.each), "numbers": listed}
+    try:
+        check_controller(scenario)
+        check_rounding(scenario)
+    except ScenarioError as error:
+        found["alone"] = str(error)
+    return found
 
 
 def _fields() -> dict[str, Any]:

@@ -173,6 +173,11 @@ def _check_rate(scenario: Any) -> None:
         _check_whole_steps("rate.start", rate.start, 0, step, " s")
     if rate.kind == "staircase" and rate.hold is not None:
         _check_whole_steps("rate.hold", rate.hold, 1, step, " s")
+    if rate.transverse_points is not None and not scenario.plant.centrifugal:
+        raise message_error(
+            "rate.transverse_points is given: it needs plant.centrifugal = true, without which rates about x and y do "
+            "not act"
+        )
     used = {"sine": ["frequency"], "noise": ["frequency"], "chirp": ["frequency", "final_frequency"]}
     for name in used.get(rate.kind, []):
         highest = math.pi / step

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from .kinds import si_table_fields
-from .points import OptionalPoints, Points
-from .table import NonNegative, Pair, Table, field, message_error, of_other_kinds, toml_value
+from .points import OptionalPoints, OptionalTriples, Points
+from .table import NonNegative, Pair, Table, as_tuple, field, message_error, of_other_kinds, toml_value
 
 Array = NDArray[np.float64]
+_Above0 = Annotated[float, Field(gt=0)]
+_Limit = Annotated[float, Field(gt=0, allow_inf_nan=True)]
 # Drifts with the temperature, in ppm/K, in addition to the common ones of stiffness and damping.
 MATRIX_DRIFTS = ("spring_drift", "quadrature_drift", "damper_drift", "damping_axis_drift")
 GAIN_DRIFTS = ("pickoff_gain_drift", "force_gain_drift")
@@ -104,6 +107,12 @@ class Rate(_Rate):
         "is the rate itself: plant.angular_rate is then only what the estimate starts from.",
         unit="s, rad/s",
     )
+    transverse_points: OptionalTriples = field(
+        None,
+        "[[time in s, Omega_x, Omega_y in rad/s], ...]: the rates about x and y, linear in between and constant beyond "
+        "the ends, instead of plant.transverse_rate. They need plant.centrifugal. Not set: off.",
+        unit="s, rad/s",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -156,6 +165,15 @@ class Device(_Device):
         "ones.",
         unit="1",
     )
+    common_mode_frequency: Annotated[tuple[_Limit, _Limit], as_tuple("x y")] = field(
+        (math.inf, math.inf),
+        "[x, y], Hz, > 0: resonance at which an acceleration of the frame moves all masses alike, which shifts the "
+        "gaps of [[electrodes]]. inf: off.",
+        unit="Hz",
+    )
+    common_mode_quality: Annotated[tuple[_Above0, _Above0], as_tuple("x y")] = field(
+        (10.0, 10.0), "[x, y]: quality factors of these resonances, > 0."
+    )
     hysteresis: NonNegative = field(
         0.0,
         "K: what drifts with temperature follows it only beyond this much of backlash, to either side. 0.0: off.",
@@ -196,6 +214,10 @@ class Device(_Device):
                 "given: at most one of the two can be"
             )
         return self
+
+    @property
+    def has_common_mode(self) -> bool:
+        return any(map(math.isfinite, self.common_mode_frequency))
 
     @property
     def stiffness_coefficient(self) -> float:

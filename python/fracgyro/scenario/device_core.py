@@ -25,7 +25,8 @@ def is_ideal(scenario: Scenario) -> bool:
     corrected = any(known.pickoff_gain_error) or known.pickoff_misalignment
     around = c.event_threshold or c.event_share or c.compensation_bandwidth
     plain = bool(c.filter == "none" and not around and not corrected)
-    return plain and scenario.rate.kind == "constant" and scenario.device == IDEAL and not has_volts(scenario)
+    still = scenario.rate.kind == "constant" and scenario.rate.transverse_points is None
+    return plain and still and scenario.device == IDEAL and not has_volts(scenario)
 
 
 def device_channels(*scenarios: Scenario) -> tuple[Channel, ...]:
@@ -104,6 +105,17 @@ def sensor_variance(device: Mapping[str, Any], quantity: str) -> NDArray[np.floa
     steps = 2.0 * spans / 2.0**bits if bits else np.zeros(2)
     amplifiers = np.array(device["amplifier_noise"]) if quantity == "position" else np.zeros(2)
     return np.asarray(device[f"{quantity}_noise"] ** 2 + amplifiers**2 + steps**2 / 12)
+
+
+def transverse_list(scenario: Scenario) -> list[float]:
+    """The angular rates about x and y over time, as `take_transverse` in settings.hpp reads them; none if constant."""
+    points, scales = scenario.rate.transverse_points, scenario.plant.scales
+    if points is None:
+        return []
+    step = scenario.run.step * scales.time
+    times, x, y = zip(*points, strict=True)
+    rates = [each / scales.rate for each in (*scenario.plant.transverse_rate, *x, *y)]
+    return [*rates[:2], *(time / step for time in times), *rates[2:]]
 
 
 Profile = tuple[list[float], list[float]]  # times, in steps of the run, and values

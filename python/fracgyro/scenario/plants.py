@@ -25,6 +25,8 @@ def conflict(plant: Plant, rate: Rate, device: Device, takes_rate: bool, name: s
         if value not in (0.0, (0.0, 0.0)):
             wanted = toml_value(type(device).model_fields[field].default)
             return f"device.{field} is {toml_value(value)}: it must be {wanted} with {name}, which has its own springs"
+    if rate.transverse_points is not None:
+        return f"rate.transverse_points is given: it must be left out with {name}, on which such rates do not act"
     moving = rate.kind != "constant"
     if moving and plant.centrifugal:
         return f"plant.centrifugal is true: it must be false with {name} when rate.kind is {toml_value(rate.kind)}"

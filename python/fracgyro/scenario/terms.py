@@ -63,30 +63,42 @@ def first_part(scenario: Scenario) -> dict[str, Any]:
 
 def terms(scenario: Scenario) -> list[tuple[dict[str, float], Columns]]:
     """The terms: their numbers by name, and the columns of their rows."""
-    step, found = scenario.run.step, []
-    for place, entry in enumerate(acting(scenario)):
-        if entry.kind == "none" or (place == 0 and _is_settable(entry)):
-            continue
-        values = {
-            "kind": "vibration" if spectrum(entry) else entry.kind,
-            "start_steps": _in_steps(entry.start, step),
-            "end_steps": _in_steps(entry.end, step),
-            "stream": ADDED_STREAM + place if place else 0,
-            "amplitude": entry.amplitude,
-            "frequency": entry.frequency,
-            "phase": entry.phase,
-            "width_steps": 1.0 if entry.width is None else _in_steps(entry.width, step),
-            **_drawn(entry, step),
-        }
-        found.append((core_values(TERM_NUMBERS, {"disturbance": values}), _columns(entry, step)))
-    return found
+    return [
+        _term(entry, place, scenario.run.step)
+        for place, entry in enumerate(acting(scenario))
+        if entry.kind != "none" and (place or not _is_settable(entry))
+    ]
 
 
-def term_list(scenario: Scenario) -> list[float]:
-    """The same as one list, which `take_terms` in settings.hpp reads."""
+def frame_terms(scenario: Scenario) -> list[tuple[dict[str, float], Columns]]:
+    """The same of all accelerations of the frame, whatever their share on the modes."""
+    return [
+        _term(entry, place, scenario.run.step)
+        for place, entry in enumerate(scenario.disturbance.entries)
+        if entry.kind != "none" and entry.quantity == "acceleration"
+    ]
+
+
+def _term(entry: Entry, place: int, step: float) -> tuple[dict[str, float], Columns]:
+    values = {
+        "kind": "vibration" if spectrum(entry) else entry.kind,
+        "start_steps": _in_steps(entry.start, step),
+        "end_steps": _in_steps(entry.end, step),
+        "stream": ADDED_STREAM + place if place else 0,
+        "amplitude": entry.amplitude,
+        "frequency": entry.frequency,
+        "phase": entry.phase,
+        "width_steps": 1.0 if entry.width is None else _in_steps(entry.width, step),
+        **_drawn(entry, step),
+    }
+    return core_values(TERM_NUMBERS, {"disturbance": values}), _columns(entry, step)
+
+
+def term_list(found: list[tuple[dict[str, float], Columns]]) -> list[float]:
+    """Terms as one list, which `take_terms` in settings.hpp reads."""
     return [
         number
-        for named, columns in terms(scenario)
+        for named, columns in found
         for number in (*named.values(), float(len(columns[0])), *columns[0], *columns[1], *columns[2])
     ]
 

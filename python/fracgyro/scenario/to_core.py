@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import _core
 from ..fractional.kernel import core_kernel
-from .device_core import device_values, is_ideal, profiles, rate_values
+from .device_core import device_values, is_ideal, profiles, rate_values, transverse_list
 from .kinds import (
     DEVICE_NUMBERS,
     KINDS,
@@ -29,7 +29,7 @@ from .motion import Reference
 from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
 from .table import MAX_STEPS
-from .terms import MAX_DEVIATIONS, first_part, largest_force, term_list, white_noise
+from .terms import MAX_DEVIATIONS, first_part, frame_terms, largest_force, term_list, terms, white_noise
 from .volts_core import electrode_numbers, electronics_numbers, has_volts, lag, plant_at_bias, trim_numbers
 
 MAX_DELAY = 8  # steps that a controller takes into account
@@ -311,9 +311,9 @@ class Parts(NamedTuple):
     terms: list[float]
     sensing: list[float]
     device: tuple[list[float], Any, Any, int] | None
+    transverse: list[float]
     plant: tuple[int, list[float]] | None
-    volts: tuple[list[float], list[list[float]], tuple[float, float, float]] | None
-    trim: tuple[list[float], float] | None  # with volts
+    volts: list[float] | None
 
     def setup(self) -> _core.DeviceSetup:
         made = _core.DeviceSetup(self.kind, list(self.numbers.values()))
@@ -326,12 +326,11 @@ class Parts(NamedTuple):
         made.sensing = self.sensing
         if self.device is not None:
             made.set_device(*self.device)
+            made.set_transverse(self.transverse)
         if self.plant is not None:
             made.set_plant(*self.plant)
         if self.volts is not None:
-            made.set_volts(*self.volts)
-        if self.trim is not None:
-            made.set_trim(*self.trim)
+            made.set_volts(self.volts)
         return made
 
 
@@ -341,24 +340,33 @@ def parts(scenario: Scenario) -> Parts:
     device = None
     if not is_ideal(scenario):
         device = list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed
-    volts, trim, scales = None, None, scenario.plant.scales
-    if has_volts(scenario):
-        each = [electrode_numbers(one) for one in scenario.electrodes.each]
-        volts = electronics_numbers(scenario.electronics), each, (scales.mass, scales.length, scales.rate)
-        trim = trim_numbers(scenario.trim), known_lag(scenario)
     return Parts(
         KINDS.index(scenario.controller.kind),
         core_numbers(scenario, values),
         (scenario.controller.order, run.step, run.duration, run.kernel_tolerance),
         scenario.disturbance.seed,
         None if is_plain(scenario) else scenario.reference,
-        term_list(scenario),
+        term_list(terms(scenario)),
         _sensing(scenario, values),
         device,
+        transverse_list(scenario),
         (place, list(own_plant_numbers(scenario).values())) if place else None,
-        volts,
-        trim,
+        volts_list(scenario) if has_volts(scenario) else None,
     )
+
+
+def volts_list(scenario: Scenario) -> list[float]:
+    """A device in volts as one list, which `take_volts` in settings.hpp reads."""
+    device, scales, electrodes = scenario.device, scenario.plant.scales, scenario.electrodes.each
+    shifts = [math.tau * each / scales.rate for each in device.common_mode_frequency]
+    moves = term_list(frame_terms(scenario)) if device.has_common_mode else []
+    return [
+        *(scales.mass, scales.length, scales.rate),
+        *electronics_numbers(scenario.electronics),
+        *(float(len(electrodes)), *(number for one in electrodes for number in electrode_numbers(one))),
+        *(*trim_numbers(scenario.trim), known_lag(scenario)),
+        *(*shifts, *device.common_mode_quality, *moves),
+    ]
 
 
 def known_lag(scenario: Scenario) -> float:

@@ -120,7 +120,14 @@ class Electronics(_Electronics):
             noisy.append("feedback_resistance")
         if noisy and self.amplifier == "ideal":
             value = toml_value(getattr(self, noisy[0]))
-            raise message_error(f'electronics.{noisy[0]} is {value}: it needs electronics.amplifier = "charge"')
+            raise message_error(
+                f'electronics.{noisy[0]} is {value}: it needs electronics.amplifier = "charge" or "transimpedance"'
+            )
+        if self.amplifier == "transimpedance" and not all(map(math.isfinite, self.pole)):
+            raise message_error(
+                f"electronics.pole is {toml_value(self.pole)}: it must be finite on both axes for a transimpedance "
+                "amplifier"
+            )
         if (self.carrier_frequency > 0) != (self.carrier_voltage > 0):
             raise message_error(
                 f"electronics.carrier_frequency is {toml_value(self.carrier_frequency)} and "

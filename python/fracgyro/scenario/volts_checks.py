@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .kinds import PLANT_KINDS, SINE_DRIVES, reports
+from .kinds import PLANT_KINDS, SINE_DRIVES, kinds_with, reports
 from .table import message_error, toml_value
 from .volts_core import IDEAL_ELECTRONICS, NO_ELECTRODES, at_bias, has_volts, plant_at_bias
 
@@ -14,6 +14,11 @@ def check_volts(scenario: Any) -> None:
     """Raises PydanticCustomError, in one sentence, for the first thing that is wrong with electrodes or electronics."""
     if scenario.trim.on:
         _check_trim(scenario)
+    shifts = scenario.device.common_mode_frequency
+    if scenario.device.has_common_mode and scenario.electrodes == NO_ELECTRODES:
+        raise message_error(
+            f"device.common_mode_frequency is {toml_value(shifts)}: it needs [[electrodes]], whose gaps it shifts"
+        )
     if not has_volts(scenario):
         return
     _check_tables(scenario)
@@ -126,6 +131,24 @@ def _check_electronics(scenario: Any) -> None:
         raise message_error(
             f"electronics.feedthrough is {toml_value(e.feedthrough)}: it needs electrodes of role force and of role "
             "pickoff"
+        )
+    if e.amplifier == "transimpedance" and scenario.controller.kind not in (kinds := kinds_with("datasheet.lag")):
+        *others, last = kinds
+        raise message_error(
+            "electronics.amplifier is transimpedance, which reads the velocity: controller.kind must be "
+            f"{', '.join(others)} or {last}, which know the phase of a reading"
+        )
+    leaky = e.amplifier == "charge" and e.feedback_capacitance and math.isfinite(e.feedback_resistance)
+    bounded = leaky or e.amplifier == "transimpedance"
+    if e.feedthrough_lag and not bounded:
+        raise message_error(
+            f"electronics.feedthrough_lag is {toml_value(e.feedthrough_lag)}: it needs a charge amplifier with "
+            "feedback_capacitance and a finite feedback_resistance, or a transimpedance amplifier, or what leaks would "
+            "add up without end"
+        )
+    if e.carrier_flicker and not e.carrier_frequency:
+        raise message_error(
+            f"electronics.carrier_flicker is {toml_value(e.carrier_flicker)}: it needs electronics.carrier_frequency"
         )
     if e.amplifier != "ideal" and not electrodes.of("pickoff"):
         raise message_error(

@@ -87,6 +87,8 @@ def lag(scenario: Any) -> float:
     found = e.sample_delay + e.aperture / 2 + e.update_delay
     if omega:
         found += math.atan(omega / (math.tau * e.pole[0])) / omega
+        if e.amplifier == "transimpedance":
+            found -= math.pi / 2 / omega
         if e.amplifier == "charge" and e.feedback_capacitance:
             found -= math.atan(1 / (omega * e.feedback_resistance * e.feedback_capacitance)) / omega
     return float(found)
