@@ -173,6 +173,7 @@ TRIMMED = fg.Scenario.shipped("dual_mass_volts").replace(
 )
 CHARGE = {"electronics.amplifier": "charge", "electronics.feedback_resistance": 1e7, "electronics.voltage_noise": 5e-9}
 AMPLIFIED = SILENT.replace(CHARGE)
+LEAKING = AMPLIFIED.replace({"electronics.feedback_capacitance": 1e-12, "electronics.feedthrough": (1e-15, 0, 0, 0)})
 CARRIER = AMPLIFIED.replace({"electronics.carrier_frequency": 1e6, "electronics.carrier_voltage": 1.0})
 # By field: changes of both runs, or the first run, or what makes it; and the value of the second. A field of a
 # controller that is not here is derived; any other fails a test.
@@ -289,7 +290,9 @@ DIFFERENCES: dict[str, tuple[dict[str, object] | fg.Scenario | Callable[[], fg.S
     "electronics.pole": (VOLTS, (1e5, 2e5)),
     "electronics.carrier_frequency": (CARRIER, 2e6),
     "electronics.carrier_voltage": (CARRIER, 2.0),
+    "electronics.carrier_flicker": (CARRIER, 1e-3),
     "electronics.feedthrough": (VOLTS, (1e-15, 0.0, 0.0, 2e-15)),
+    "electronics.feedthrough_lag": (LEAKING, 0.3),
     "electronics.linearized": (VOLTS, True),
     **{f"electronics.{name}": (VOLTS, 1e-7) for name in ("sample_delay", "update_delay", "aperture", "jitter")},
     "trim.tuning": (TRIMMED, "fixed"),

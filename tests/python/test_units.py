@@ -267,6 +267,8 @@ NEEDS |= {
     "electronics.voltage_noise": {**AMPLIFIED, "electronics.voltage_noise": 5e-9},
     "electronics.current_noise": {**AMPLIFIED, "electronics.current_noise": 1e-15},
     "electronics.pole": {**IN_VOLTS, "electronics.pole": (1e6, 2e6)},
+    "device.common_mode_frequency": IN_VOLTS,
+    "electronics.feedthrough_lag": {**AMPLIFIED, "electronics.feedback_capacitance": 1e-12},
     "electronics.carrier_frequency": CARRIER,
     "electronics.carrier_voltage": CARRIER,
     **{

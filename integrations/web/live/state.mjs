@@ -72,16 +72,15 @@ export function scenarioOf(data, state, run) {
   const known = settingNames(data, kindOf(data, state, run));
   const own = Object.fromEntries(known.map((name) => [name, settings[name]]));
   const device = data.devices[`${state.rate} ${state.sensors}`];
-  const { scales, length, disturbance } = data.base;
+  const { scales, length, disturbance, volts } = data.base;
   const reference = state.figure ? drawn(data, state, own) : data.base.reference;
   const assumed = Object.fromEntries(
     Object.entries(data.base.assumed).map(([name, usual]) => [name, settings[`datasheet.${name}`] ?? usual]),
   );
   const { degrees } = data; // unit of the rates shown
   const yours = state[run] === YOURS;
-  const given = Object.entries({ length, device, reference, disturbance, assumed, degrees, yours }).filter(
-    ([, each]) => each,
-  );
+  const all = { length, device, volts, reference, disturbance, assumed, degrees, yours };
+  const given = Object.entries(all).filter(([, each]) => each);
   return { settings: own, scales, ...Object.fromEntries(given) };
 }
 

@@ -24,6 +24,7 @@ from ..scenario import Scenario, ScenarioError
 from ..scenario.kinds import KINDS, MEANINGS, fields_of
 from ..scenario.printing import scenario_text
 from ..scenario.terms import first_part, named_terms
+from ..scenario.volts_core import has_volts
 from .compilers import SOURCES
 from .fmu import OF_DISTURBANCE
 from .settings import check_plant, settings
@@ -108,6 +109,7 @@ def scenario_data(
     `more`: controllers in addition to the other kinds, each with a label and changes of the scenario.
     """
     base = document(scenario)
+    base.get("volts", {}).pop("alone", None)  # of this law without its loop, which a page does not use
     kind = scenario.controller.kind
     found: dict[str, tuple[str, dict[str, Any]]] = {OWN_LAW: (f"the scenario's: {kind.replace('_', ' ')}", {})}
     for other, meaning in zip(KINDS, MEANINGS, strict=True):
@@ -128,7 +130,7 @@ def scenario_data(
     preset: dict[str, Any] = {"key": "scenario", "title": name, "sentence": sentence, "a": OWN_LAW}
     preset |= {"speed": float(f"{SPEED * step * unit:.3g}"), "window": windows[2]}
     shared = {key: value for key, value in base["settings"].items() if key.partition(".")[0] not in OF_LAWS}
-    rest = {key: base[key] for key in ("assumed", "reference", "disturbance") if key in base}
+    rest = {key: base[key] for key in ("assumed", "reference", "disturbance", "volts") if key in base}
     return {
         **module_data(),
         "besides": [*BESIDES, "controller.kind"],
@@ -176,9 +178,9 @@ def _hidden(scenario: Scenario) -> list[str]:
     for setting in settings(scenario):
         number = setting.number
         other_kind = number.kinds and not set(number.kinds) & set(scenario.reference.kinds)
-        if (number.table == "reference" and (number.field == "kind" or other_kind)) or (
-            number.table == "disturbance" and number.field not in acting
-        ):
+        at_bias = number.path == "plant.stiffness" and has_volts(scenario)  # the file has that without voltages
+        of_others = number.table == "reference" and (number.field == "kind" or other_kind)
+        if at_bias or of_others or (number.table == "disturbance" and number.field not in acting):
             found.append(setting.name)
     return found
 
