@@ -17,6 +17,8 @@
 #include "fracgyro/plant/gyroscope.hpp"
 #include "fracgyro/core/phase.hpp"
 
+#include <algorithm>
+
 namespace fracgyro {
 
 // Nondimensional.
