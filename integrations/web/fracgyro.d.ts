@@ -74,7 +74,7 @@ export interface Volts {
   /** All numbers, as the core takes them; null is infinity. */
   readonly numbers: readonly (number | null)[];
   /** Why the controller cannot be used without the loop; left out if it can. */
-  readonly alone?: string;
+  readonly refusal?: string;
 }
 
 export interface Term {

@@ -171,8 +171,8 @@ class Fracgyro {
 
   // The controller by itself. Call `step` once every run.step.
   async controller(scenario, changes = {}) {
-    if (scenario.volts?.alone) {
-      throw new RangeError(scenario.volts.alone);
+    if (scenario.volts?.refusal) {
+      throw new RangeError(scenario.volts.refusal);
     }
     const { core, reported, observed } = await this.#prepare(scenario, changes);
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));

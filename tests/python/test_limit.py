@@ -336,6 +336,10 @@ def test_references_are_equivalent_however_they_are_described() -> None:
         ({"plant.kind": "duffing"}, "plant.kind is duffing: it must be gyroscope or general"),
         ({"plant.kind": "resonator"}, "plant.kind is resonator"),
         ({"rate.kind": "sine", "rate.amplitude": 1.0, "rate.frequency": 9.0}, "rate.kind is sine: it must be constant"),
+        (
+            {"plant.centrifugal": True, "rate.transverse_points": [[0.0, 1.0, 2.0]]},
+            "rate.transverse_points is given: it must be left out",
+        ),
         ({"device.cubic_stiffness": (1e9, 0.0)}, r"device.cubic_stiffness is \[1000000000.0, 0.0\]: it must be \["),
         ({"device.stiffness_drift": -30.0}, "device.stiffness_drift is -30.0: it must be 0.0"),
         ({"device.frequency_temperature_coefficient": 2.0}, "device.frequency_temperature_coefficient is 2.0"),

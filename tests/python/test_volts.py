@@ -20,6 +20,7 @@ from fracgyro.export.settings import without_plant
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.device_core import device_values, sensor_variance
 from fracgyro.scenario.named import exactly_sensed
+from fracgyro.scenario.terms import first_part, frame_terms, terms
 from fracgyro.scenario.to_core import core_numbers, datasheet
 from fracgyro.scenario.volts_core import at_bias, has_volts, plant_at_bias
 from scipy.integrate import solve_ivp
@@ -355,6 +356,19 @@ def test_an_acceleration_shifts_the_gaps_by_the_common_mode(drifts: bool) -> Non
     still = fg.simulate(made.replace({"device.common_mode_frequency": [math.inf, math.inf]}), controller=Given())
     assert abs(still["position"].values - positions).max() > 5e-5
     assert abs(still["measured_position"].values - samples).max() > 1e-3
+
+
+def test_an_acceleration_that_shifts_gaps_is_no_number_that_a_target_can_set() -> None:
+    shaken = {"kind": "sine", "quantity": "acceleration", "amplitude": [0.1, 0.2], "frequency": [1.0, 1.0]}
+    small = {"run.initial_position": [0.1, 0.05], "run.initial_velocity": [-0.1, 0.06], "run.duration": 1.5}
+    made = in_volts({"disturbance": [shaken], **small})
+    assert (first_part(made)["kind"], terms(made)) == ("sine", [])
+    shifts = made.replace({"device.common_mode_frequency": [9000.0, 12000.0]})
+    assert first_part(shifts)["kind"] == "none"
+    assert terms(shifts) == frame_terms(shifts)
+    stiff = fg.simulate(shifts.replace({"device.common_mode_frequency": [1e7, 1e7]}), controller=Given())
+    still = fg.simulate(made, controller=Given())
+    np.testing.assert_allclose(stiff["position"], still["position"], rtol=0.0, atol=1e-9)
 
 
 def test_a_carrier_that_flickers_scales_both_readings() -> None:

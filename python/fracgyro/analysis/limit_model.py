@@ -158,6 +158,8 @@ def _check(scenario: Scenario) -> None:
             raise _refused(f"trim.{field}", value, "fixed", "a stationary plant")
     if scenario.rate.kind != "constant":
         raise _refused("rate.kind", scenario.rate.kind, "constant", "a stationary plant")
+    if scenario.rate.transverse_points is not None:
+        raise _refused("rate.transverse_points", "given", "left out", "a stationary plant")
     varying = (*CUBIC, "stiffness_drift", "frequency_temperature_coefficient", "damping_drift")
     for field in (*varying, *MATRIX_DRIFTS, *GAIN_DRIFTS, "bias_instability", "rate_random_walk"):
         if np.any(value := getattr(device, field)):

@@ -109,7 +109,7 @@ def scenario_data(
     `more`: controllers in addition to the other kinds, each with a label and changes of the scenario.
     """
     base = document(scenario)
-    base.get("volts", {}).pop("alone", None)  # a law without its loop, which a page does not use
+    base.get("volts", {}).pop("refusal", None)  # a law without its loop, which a page does not use
     kind = scenario.controller.kind
     found: dict[str, tuple[str, dict[str, Any]]] = {OWN_LAW: (f"the scenario's: {kind.replace('_', ' ')}", {})}
     for other, meaning in zip(KINDS, MEANINGS, strict=True):

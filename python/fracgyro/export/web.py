@@ -227,7 +227,7 @@ def _volts(scenario: Scenario, numbers: list[float]) -> dict[str, Any]:
         check_controller(scenario)
         check_rounding(scenario)
     except ScenarioError as error:
-        found["alone"] = str(error)
+        found["refusal"] = str(error)
     return found
 
 

@@ -1,6 +1,7 @@
 """The disturbance of a scenario as the core takes it: a first part that integrations can set, and terms added to it.
 
-The first part is the first entry if it is always on and none, a sine or white noise. All other entries are terms.
+The first part is the first entry if it is always on and none, a sine or white noise, unless it is an acceleration that
+also moves a common mode. All other entries are terms.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def first_part(scenario: Scenario) -> dict[str, Any]:
     d = acting(scenario)[0]
     found = {name: getattr(d, name) for name in ("amplitude", "frequency", "phase")}
     found["seed"] = scenario.disturbance.seed
-    if not _is_settable(d):
+    if not _is_first_part(scenario):
         return found | {"kind": "none", "hold_steps": 1, "standard_deviation": 1.0}
     return found | {"kind": d.kind, **_drawn(d, scenario.run.step)}
 
@@ -66,7 +67,7 @@ def terms(scenario: Scenario) -> list[tuple[dict[str, float], Columns]]:
     return [
         _term(entry, place, scenario.run.step)
         for place, entry in enumerate(acting(scenario))
-        if entry.kind != "none" and (place or not _is_settable(entry))
+        if entry.kind != "none" and (place or not _is_first_part(scenario))
     ]
 
 
@@ -147,6 +148,13 @@ def white_density(scenario: Scenario) -> float | None:
         hold = scenario.run.step if entry.hold is None else entry.hold
         total += entry.density if entry.density is not None else (entry.standard_deviation or 0.0) ** 2 * hold
     return total
+
+
+def _is_first_part(scenario: Scenario) -> bool:
+    """True if the first entry is the part that integrations can set, on which nothing else may depend."""
+    first = acting(scenario)[0]
+    shifts_gaps = scenario.device.has_common_mode and first.quantity == "acceleration"
+    return _is_settable(first) and not shifts_gaps
 
 
 def _is_settable(entry: Entry) -> bool:
