@@ -107,6 +107,7 @@ def prepare(modules: list[str]) -> None:
     (FOLDER / "tests").mkdir()
     for path in (ROOT / "tests/python").glob("*.py"):
         shutil.copyfile(path, FOLDER / "tests" / path.name)
+    shutil.copytree(ROOT / "examples/scenarios", FOLDER / "examples/scenarios")
     files = [test for name in TESTS for test in selected("tests", name)]
     (FOLDER / "pyproject.toml").write_text(
         f"[tool.mutmut]\nsource_paths = {list(PACKAGES)}\nonly_mutate = {modules}\n"
