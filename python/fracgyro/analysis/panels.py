@@ -143,6 +143,8 @@ def clip(
         size = abs(values).max(axis=1)
         settled = drives(run)
         usual = size[int(SETTLED * len(size)) :].max() if settled else np.quantile(size, 1 - SPIKE, method="higher")
+        if not np.isfinite(usual):
+            return None  # also if NaN, which is at most nothing: no sample would be kept
         kept.append(values[size <= usual])
         if size.max() > abs(peak):
             row = int(size.argmax())
