@@ -571,6 +571,33 @@ TEST(Joint, AMotionThatWasLostIsFoundWithTheEstimatesBefore) {
     EXPECT_EQ(filter.plant[1], before[1]);
 }
 
+// The motion is as unknown as at the start, and what is known of the plant stays.
+TEST(Joint, ASampleThatShowsALateForceMakesTheMotionUnknown) {
+    Loop<Both<double>> loop(finely_sensed());
+    loop.run(2000);
+    using Filter = Loop<Both<double>>::Filter;
+    const auto& c = loop.c.adaptation.filter;
+    auto& filter = loop.state.adaptation;
+    const auto before = filter.covariance;
+    const Vec2<double> change{0.01, -0.01};
+    filter.change = change;
+    ReferencePoint<double> r{};
+    const Motion<double> late{.position = filter.error.value + c.half_square * change,
+                              .velocity = filter.error.derivative + c.span * change};
+    Filter::correct(filter, c, late, r);
+    ASSERT_EQ(filter.agreement.delay.lost, 1.0);
+    for (std::size_t j = 1; j < Filter::size; ++j) {
+        for (std::size_t i = 0; i < j; ++i) {
+            const std::size_t at = Filter::Covariance::column(j) + i;
+            ASSERT_NE(before.u_factor[at], 0.0);
+            EXPECT_EQ(filter.covariance.u_factor[at], i < Filter::motions ? 0.0 : before.u_factor[at]) << i << " " << j;
+        }
+    }
+    for (std::size_t i = 0; i < Filter::size; ++i) {
+        EXPECT_EQ(filter.covariance.d_factor[i], i < Filter::motions ? c.prior.unknown[i] : before.d_factor[i]) << i;
+    }
+}
+
 // RMS tracking error, geometric mean of the axes, over whole runs with some seeds.
 template <class C>
 double tracking_error_of(const Case& a, bool judged) {

@@ -126,6 +126,19 @@ def test_the_voltages_are_recorded_and_stay_within_their_range() -> None:
     assert float(limited["tuning_voltage"].max()) == 5.0
 
 
+def test_the_tuning_acts_from_the_first_instant_on() -> None:
+    """Before the first update of the voltages, too, which comes late; the tone is as good as silent."""
+    each = [{**dict(one), **({"bias": 4.0} if one.role == "tuning" else {})} for one in REBALANCED.electrodes.each]
+    start = {"run.units": "nondimensional", "run.initial_position": (0.0, 1e-6), "run.duration": 0.1}
+    late = {"run.record_every": 1, "electronics.update_delay": 0.02 / REBALANCED.plant.scales.rate}
+    fixed = REBALANCED.replace({**start, **late})
+    soft = fixed.replace({"electrodes": each})
+    trimmed = soft.replace({**SPLIT, "trim.modulation": 1e-6})
+    speed, of_fixed, of_trimmed = (float(fg.simulate(one)["velocity"][1, 1]) for one in (soft, fixed, trimmed))
+    assert speed - of_fixed > 4e-10
+    assert of_trimmed == pytest.approx(speed, abs=1e-13)
+
+
 def test_without_a_trim_its_fields_change_no_bit() -> None:
     short = REBALANCED.replace({"run.duration": 200.0})
     fields = {"interval": 0.1, "gain": 0.2, "modulation": 0.5, "frequency": 200.0, "target": 3.0}
