@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 from fracgyro import Scenario
 from fracgyro.cli import cli
+from fracgyro.cli.terminal import print_table
 from fracgyro.scenario.bounded import gain
 from fracgyro.scenario.messages import paths
 from fracgyro.scenario.shipped import NAMES
@@ -91,6 +92,63 @@ def test_diff_prints_both_values_and_exits_with_1(tmp_path: Path) -> None:
     assert set(content) == set(HARDWARE.differences(other))
     table = ran("diff", "paper", "hardware").stdout.splitlines()
     assert table[1].split() == ["controller.force_limit", "inf", "6000.0"]
+
+
+VOLTS = Scenario.shipped("dual_mass_volts")
+REBALANCED = VOLTS.replace({"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"]})
+
+
+@pytest.mark.parametrize(
+    ("scenario", "changes", "said"),
+    [
+        (REBALANCED, {"controller.rebalance_bandwidth": 0.5, "controller.demodulation_bandwidth": 0.2}, "0.2: below 5"),
+        (VOLTS, {"controller.kind": "whole_angle", "controller.quadrature_bandwidth": 0.5}, "bandwidth is 0.5: above"),
+        (
+            VOLTS,
+            {"controller.kind": "virtual_rotation", "controller.virtual_rate": 0.01, "controller.reversal_turns": 0.3},
+            "controller.reversal_turns is 0.3: only over a multiple of 0.5",
+        ),
+        (VOLTS, {"controller.kind": "virtual_rotation"}, "controller.virtual_rate is 0.0: the vibration is not turned"),
+        (
+            VOLTS,
+            {
+                "controller.kind": "mode_reversal",
+                "controller.settling_time": 3e4,
+                "controller.reversal_interval": 2e4,
+            },
+            "controller.settling_time is 30000: reversal_interval is 20000, so that the rate is never read",
+        ),
+        (
+            VOLTS,
+            {"plant.transverse_rate": [1.0, 0.0]},
+            "plant.transverse_rate is [1.0, 0.0]: without plant.centrifugal",
+        ),
+        (
+            REBALANCED,
+            {"trim.tuning": "split", "trim.modulation": 1.0, "trim.interval": 50.0},
+            "trim.interval is 50 s: the run ends after",
+        ),
+        (
+            REBALANCED,
+            {"trim.tuning": "split", "trim.modulation": 1.0, "controller.output_bandwidth": 0.2},
+            "controller.output_bandwidth is 785.1 Hz, so that the tone is in the rate",
+        ),
+    ],
+)
+def test_check_warns_of_fields_at_which_a_law_does_not_do_its_work(
+    scenario: Scenario, changes: dict[str, Any], said: str
+) -> None:
+    without = list(suspicious(scenario.replace({name: changes[name] for name in changes if name.endswith(".kind")})))
+    found = [each for each in suspicious(scenario.replace(changes)) if each not in without]
+    assert any(said in each for each in [*found, *(without if len(changes) == 1 else [])]), found
+
+
+def test_a_text_in_brackets_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(["of [device]", "b"], [["nothing of [device] drifts", "[/red] \\[bold]"]])
+    assert [line.split("  ") for line in map(str.rstrip, capsys.readouterr().out.splitlines())] == [
+        ["of [device]", *[""] * 7, " b"],
+        ["nothing of [device] drifts", "[/red] \\[bold]"],
+    ]
 
 
 @pytest.mark.parametrize("path", paths(Scenario))

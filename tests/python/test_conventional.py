@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
+import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.rate.units import DEG_PER_ROOT_H
 from fracgyro.scenario import Scenario
+from fracgyro.scenario.suspicious import suspicious
 from fracgyro.simulation.rate_means import rate_means
 
 DUAL_MASS = Scenario.shipped("dual_mass")
@@ -53,3 +56,15 @@ def test_the_angle_random_walk_is_the_bound_of_one_axis(
     walk = DEG_PER_ROOT_H.of(math.sqrt((settled**2).mean() / 2 * AVERAGE))
     # 24 records of 4 differences: 10 % of standard deviation.
     assert 0.75 < walk / bound(noise) < 1.25
+
+
+@pytest.mark.parametrize("ratio", [0.95, 0.999])
+def test_open_loop_reads_the_rate_by_the_split_that_it_is_told_and_the_check_says_so(ratio: float) -> None:
+    quiet = {"disturbance": {"kind": "none"}, "plant.angular_rate": 0.1, "run.duration": 2e4, "run.record_every": 100}
+    scenario = DUAL_MASS.replace({**OPEN, **quiet, "adaptation.initial_ratio": ratio})
+    (said,) = suspicious(scenario)
+    stated = float(re.findall(r"gives (\S+) times the rate; 1.0 tells it the plant$", said)[0])
+    rate = float(fg.simulate(scenario)["rate_estimate"][-100:].mean())
+    assert stated == pytest.approx({0.95: -0.876, 0.999: 0.962}[ratio], abs=0.001)
+    assert rate * OMEGA / 0.1 == pytest.approx(stated, abs=0.005)
+    assert not list(suspicious(scenario.replace({"adaptation.initial_ratio": 1.0})))

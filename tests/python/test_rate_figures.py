@@ -18,7 +18,7 @@ from fracgyro.rate import plots
 from fracgyro.rate.allan import allan
 from fracgyro.rate.bound import Bound
 from fracgyro.rate.grades import Grade, grade
-from fracgyro.rate.measure import _check_rest, _credible
+from fracgyro.rate.measure import _check_rest, _credible, rms_interval
 from fracgyro.rate.merit import Response, full_scale, gain_and_lag, response, static, turn_on_time
 from fracgyro.rate.report import grade_of, interval_of, value_of
 from fracgyro.rate.require import verdict
@@ -458,3 +458,11 @@ def test_a_requirement_that_is_none_is_refused_before_the_measurement(limits: st
     ran = CliRunner().invoke(cli, ["rate", "device.toml", "--out", "out", "--require", limits])
     assert ran.exit_code == 2
     assert said in ran.output
+
+
+def test_no_interval_of_an_rms_is_negative() -> None:
+    wide = np.array([[1.0, -1.0], [9.0, 9.0]])
+    mean, low, high = rms_interval(wide)
+    assert (mean, low) == (5.0, 0.0)
+    assert high > 9.0
+    assert rms_interval(np.array([[1.0, -1.0], [1.1, 1.1]])).low > 0.0

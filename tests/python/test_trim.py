@@ -126,6 +126,15 @@ def test_the_voltages_are_recorded_and_stay_within_their_range() -> None:
     assert float(limited["tuning_voltage"].max()) == 5.0
 
 
+@pytest.mark.parametrize("ratio", [0.95, 1.0])
+def test_open_loop_reads_the_rate_by_the_split_that_the_trim_holds(ratio: float) -> None:
+    """Whatever split the modes have without it."""
+    slow = {"trim.interval": 0.3, "trim.target": 30.0, "run.duration": 60000.0, "adaptation.initial_ratio": ratio}
+    of_law = {"controller.kind": "open_loop", "controller.output_bandwidth": 20.0 / 3925.29}
+    run = fg.simulate(REBALANCED.replace({**of_law, **SPLIT, **NULL, **slow}))
+    assert settled_rate(run) == pytest.approx(10.0, rel=0.01)
+
+
 def test_the_tuning_acts_from_the_first_instant_on() -> None:
     """Before the first update of the voltages, too, which comes late; the tone is as good as silent."""
     each = [{**dict(one), **({"bias": 4.0} if one.role == "tuning" else {})} for one in REBALANCED.electrodes.each]
@@ -168,7 +177,7 @@ def test_runs_with_and_without_electrodes_are_recorded_together() -> None:
         ),
         (
             {**SPLIT, "electrodes": [dict(one) for one in SHIPPED.electrodes.each if one.role != "tuning"]},
-            'trim.tuning is "split": it needs one electrode of role tuning, plates along y; there are 0 of 0',
+            'trim.tuning is "split": it needs one electrode of role tuning, plates along y; there are 0',
         ),
         ({**NULL, "reference.kind": ["rest", "sine"]}, "it needs a reference of kind sine on x"),
         ({**NULL, "reference.kind": "sine"}, "it needs a reference of y at rest, or with the frequency of x"),

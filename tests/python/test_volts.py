@@ -122,6 +122,50 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("leak", {"electrodes": VOLTS, "electronics.feedthrough_lag": 0.1}, "electronics.feedthrough_lag is 0.1: it needs"),
     ("flicker", {"electronics.carrier_flicker": 1e-5}, "it needs electronics.carrier_frequency"),
     ("soft", {"electrodes": [plates("tuning", 0.0, bias=60.0)]}, "electrodes soften plant.stiffness to a smallest"),
+    (
+        "softest",
+        {"electrodes": [plates("tuning", 0.0), plates("tuning", 0.0, bias=60.0)]},
+        "; electrodes[1] softens most, by 1792.97 N/m at a bias of 60 V",
+    ),
+    ("infinite", {"electrodes": [plates("tuning", 0.0, bias=1e300)]}, "electrodes[0] softens most, by inf N/m at a"),
+    (
+        "degrees",
+        {"electrodes": [plates("tuning", 90.0)]},
+        "electrodes[0].angle is 90.0: it is in rad, and its magnitude",
+    ),
+    (
+        "converter",
+        {"electrodes": [plates("tuning", 0.0, range=9.0, bits=8)]},
+        "electrodes[0].bits is 8: it must be 0 for",
+    ),
+    (
+        "single",
+        {"electrodes": {"role": "force"}},
+        "electrodes is one table: it must be a list of tables, each headed [[",
+    ),
+    ("text", {"electrodes": "none"}, "electrodes is 'none': it must be a list of tables, each headed [[electrodes]]"),
+    (
+        "parted",
+        {"electrodes": both(combs, "force", overlap=1e-6)},
+        "electrodes[0].overlap is 1e-06: it must be greater",
+    ),
+    (
+        "slow carrier",
+        {"electrodes": VOLTS, "electronics.carrier_frequency": 5e3, "electronics.carrier_voltage": 1.0},
+        "electronics.carrier_frequency is 5000.0: it must be greater than twice the resonance",
+    ),
+    ("jitter", {"electronics.jitter": 1.0}, "electronics.jitter is 1.0: it must be less than a step, which is"),
+    (
+        "converters",
+        {
+            "electrodes": both(combs, "force", range=10.0, bits=12),
+            "device.actuator_bits": 8,
+            "device.actuator_limit": 1e-5,
+        },
+        "device.actuator_bits is 8: it must be 0 with electrodes[0].bits, which is the converter, of 12 bits",
+    ),
+    ("place", {"electrodes[0].bias": 1.0}, "electrodes[0] is not in the scenario: it has 0 electrodes"),
+    ("unnumbered", {"electrodes.gap": 1e-6}, "electrodes.gap is not a known field; did you mean electrodes[0].gap?"),
     ("pickoff", {"electrodes": both(combs, "pickoff", bias=0.0)}, "electrodes[0].bias is 0.0: a pick-off must have"),
     (
         "density",
@@ -136,6 +180,26 @@ def test_what_cannot_be_is_refused_in_one_sentence(changes: dict[str, Any], said
     with pytest.raises(ScenarioError) as refused:
         DUAL.replace(changes)
     assert said in str(refused.value)
+
+
+def test_a_number_of_a_list_of_tables_is_set_by_the_name_that_messages_have() -> None:
+    made = in_volts().replace({"electrodes[2].bias": 4.0, "electrodes[0].range": "8 V"})
+    assert [one.bias for one in made.electrodes.each] == [5.0, 5.0, 4.0, 5.0]
+    assert [one.range for one in made.electrodes.each] == [8.0, math.inf, math.inf, math.inf]
+    with pytest.raises(
+        ScenarioError, match=r"^electrodes\[1\]\.gab is not a known field; did you mean electrodes\[1\]"
+    ):
+        made.replace({"electrodes[1].gab": 1e-6})
+    with pytest.raises(ScenarioError, match=r"^electrodes\[1\]\.gap is -1e-06: it must be greater than 0"):
+        made.replace({"electrodes[1].gap": -1e-6})
+    with pytest.raises(ScenarioError, match=r"^electrodes and electrodes\[1\] are both given"):
+        made.replace({"electrodes": VOLTS, "electrodes[1].gap": 1e-6})
+    pushed = DUAL.replace({"disturbance": [{"kind": "none"}, {"kind": "pulse", "amplitude": [1.0, 0.0], "width": 1.0}]})
+    later = pushed.replace({"disturbance[1].start": 3.0, "disturbance[0].seed": 7})
+    assert later.differences(pushed) == {
+        "disturbance[1].start": (3.0, 0.0),
+        "disturbance.seed": (7, pushed.disturbance.seed),
+    }
 
 
 # -- Knowledge of controllers ------------------------------------------------------------------------------------------
@@ -663,6 +727,7 @@ def test_at_bias_prints_the_closed_forms_of_the_dual_mass_device() -> None:
 
 def test_at_bias_prints_the_published_pull_in_and_the_softening() -> None:
     found = printed_at_bias("dual_mass_volts")
+    assert abs(found["quadrature, kxy/(2 m omega x)"][0]) < 1e-6
     pickoff, force = 2 * EPSILON * 100 * 1.0571e-8 * 25, 2 * EPSILON * 58 * 1.078481e-8 * 25
     combs = 4 * EPSILON * 30 * 6e-5 * 1e-5 / 5e-6**3 * (1 + 2.5**-3) * (5.0**2 + 5.0**2)  # four groups at V_0 +- v
     walls = 4 * EPSILON * (404700 + 67667) * 6e-5 * 2e-5 * 25 / 1e-3**3  # combs of x, across their fingers

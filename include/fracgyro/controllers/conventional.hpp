@@ -52,7 +52,7 @@ struct ConventionalReport {
             channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
             channel("drive_amplitude", &R::amplitude, "q0", "amplitude of the drive axis"),
             channel("drive_frequency", &R::frequency, "omega0", "frequency of the phase-locked loop"),
-            channel("quadrature", &R::quadrature, "omega0", "quadrature, as the angular rate that it would be"),
+            channel("quadrature", &R::quadrature, "omega0", "quadrature, as an angular rate: -kxy/(2 m omega)"),
         };
     }
 };

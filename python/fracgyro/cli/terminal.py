@@ -15,10 +15,13 @@ def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Prints a table."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(*titles, box=None, header_style="bold", pad_edge=False)
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in titles:
+        table.add_column(Text(title))
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))  # as they are: rich takes [device] in a string for a style
     Console(soft_wrap=True, width=MAX_WIDTH).print(table)
 
 

@@ -74,7 +74,7 @@ def measure(sensor: Sensor, runs: Runs, *, rest: float | None = None) -> Charact
         seeds=len(sensor.seeds),
         rates=RATES,
         static=line,
-        zero_rate_rms=mean_interval(np.sqrt((still**2).mean(axis=1))),
+        zero_rate_rms=rms_interval(still),
         full_scale=min(reached, runs.within_limits),
         full_scale_is_last=is_last and reached <= runs.within_limits,
         full_scale_is_limited=runs.within_limits < reached,
@@ -87,6 +87,12 @@ def measure(sensor: Sensor, runs: Runs, *, rest: float | None = None) -> Charact
         quadrature=_leak(*runs.stiffness),
         damping=_leak(*runs.damping),
     )
+
+
+def rms_interval(values: Array) -> Mean:
+    """The mean RMS of the rows, with an interval without what no RMS can be."""
+    found = mean_interval(np.sqrt((values**2).mean(axis=1)))
+    return found._replace(low=max(found.low, 0.0))
 
 
 def _mean(output: Output) -> Array:

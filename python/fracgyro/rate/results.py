@@ -167,9 +167,6 @@ def _mean(key: str, name: str, definition: str, unit: Unit, mean: Mean, graded: 
     return replace(found, grade=grade(graded, value))
 
 
-SPOILED = "no interval or grade because of the events above"
-
-
 def _estimate(
     key: str,
     name: str,
@@ -189,8 +186,14 @@ def _estimate(
             key, name, definition, unit.name, math.nan, high=high, note=note, grade=None if spoiled else of, si=si
         )
     if spoiled:
-        return Result(key, name, definition, unit.name, value, note=SPOILED, si=si)
+        return Result(key, name, definition, unit.name, value, note=_spoiled(record), si=si)
     return Result(key, name, definition, unit.name, value, low, high, "", of, si)
+
+
+def _spoiled(record: Allan) -> str:
+    """Why a figure stands alone: the first event that is no noise, and how many more there are."""
+    first, *others = (each.sentence for each in record.events if each.spoils)
+    return f"no interval or grade: {first}" + (f"; and {len(others)} more" if others else "")
 
 
 def _unseen(record: Allan) -> str:
@@ -229,7 +232,7 @@ def _angle_random_walk(record: Allan, bound: Bound | None) -> Result:
         note = "only a limit: the sensor's quantization hides it"
         return Result("angle_random_walk", name, definition, unit.name, math.nan, high=high, note=note, si=si)
     if any(each.spoils for each in record.events):
-        return Result("angle_random_walk", name, definition, unit.name, value, note=SPOILED, si=si)
+        return Result("angle_random_walk", name, definition, unit.name, value, note=_spoiled(record), si=si)
     note = ""
     if bound:
         known, unknown = bound.known, bound.unknown

@@ -68,6 +68,8 @@ def unknown(path: str, model: type[BaseModel]) -> str:
     """Suggestion, in this order: a misspelled neighbor, the same name in another table, a misspelled table."""
     known = list(paths(model))
     parent, _, leaf = path.rpartition(".")
+    if f"{parent}.each" in known:  # a table only in Python, for a list of tables
+        parent += "[0]"
     if "[" in parent:  # `known` does not include lists of tables
         item = _item(parent, model)
         known = [f"{parent}.{name}" for name in item.model_fields] if item else []
@@ -95,7 +97,9 @@ def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:
     fields = model.model_fields
     for table in tables:
         fields = getattr(fields[table].annotation, "model_fields", {}) if table in fields else {}
-    return _model_of_items(fields.get(name))
+    info = fields.get(name)
+    inner = getattr(info.annotation, "model_fields", {}) if info else {}
+    return next(filter(None, map(_model_of_items, (info, *inner.values()))), None)
 
 
 def _model_of_items(info: FieldInfo | None) -> type[BaseModel] | None:

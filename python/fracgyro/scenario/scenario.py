@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -214,15 +215,16 @@ class Scenario(Table):
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
         Fields that another controller.kind or controller.filter does not have are dropped. `disturbance` takes a table
-        or a list of tables. Raises ScenarioError, in one sentence, for a name or a value that is not allowed, and
-        TypeError for anything but a dict.
+        or a list of tables; a number of a list of tables is electrodes[1].bias or disturbance[1].start. Raises
+        ScenarioError, in one sentence, for a name or a value that is not allowed, and TypeError for anything but a
+        dict.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
         """
         if not isinstance(changes, Mapping):
             raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
-        changed = {str(path).partition(".")[0] for path in changes}
+        changed = {re.split(r"[.\[]", str(path))[0] for path in changes}
         kinds = {"controller.kind", "controller.filter"} & set(changes)
         # Tables that stay as they are have been validated; the fields of some depend on the kind of controller.
         kept: dict[str, Any] = {name: table for name, table in self if name not in changed}
@@ -243,12 +245,18 @@ class Scenario(Table):
                 if kind != changes["disturbance.kind"]:
                     tables["disturbance"].pop(field, None)
         for path, value in changes.items():
-            if path not in paths(Scenario):
-                raise ScenarioError(unknown(str(path), Scenario))
             if isinstance(value, np.ndarray | np.generic):
                 value = value.tolist()
             elif isinstance(value, BaseModel):
                 value = value.model_dump()
+            if found := IN_A_LIST.fullmatch(str(path)):
+                entry = _entry(tables[found[1]], found[1], int(found[2]))
+                if found[3] not in entry:
+                    raise ScenarioError(unknown(str(path), Scenario))
+                entry[found[3]] = value
+                continue
+            if path not in paths(Scenario):
+                raise ScenarioError(unknown(str(path), Scenario))
             node: Any = tables
             *parents, leaf = path.split(".")
             for depth, parent in enumerate(parents, start=1):
@@ -351,6 +359,22 @@ class Scenario(Table):
         True
         """
         return hashlib.sha256(scenario_text(self, texts=False).encode()).hexdigest()
+
+
+IN_A_LIST = re.compile(r"(electrodes|disturbance)\[(\d{1,4})\]\.(\w+)")
+
+
+def _entry(table: Any, name: str, place: int) -> dict[str, Any]:
+    """The table of a list, as TOML counts them, in a table that may be changed. Raises ScenarioError if it has none."""
+    field = "each" if name == "electrodes" else "added"
+    if not isinstance(table, dict):
+        raise ScenarioError(f"{name} and {name}[{place}] are both given: at most one of the two can be")
+    table[field] = [dict(entry) for entry in table[field]]
+    entries = table[field] if name == "electrodes" else [table, *table[field]]
+    if place >= len(entries):
+        count = f"{len(entries)} {'electrodes' if name == 'electrodes' else 'disturbances'}"
+        raise ScenarioError(f"{name}[{place}] is not in the scenario: it has {count}, from 0 on")
+    return entries[place]
 
 
 def _with_tables(kept: dict[str, Any], changed: dict[str, Any]) -> Scenario:

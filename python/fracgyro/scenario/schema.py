@@ -236,7 +236,10 @@ class Adaptation(_Adaptation):
     """Initial estimates of the plant and their adaptation; each kind has its own fields."""
 
     initial_ratio: float = field(
-        0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
+        0.95,
+        "Estimates of D, K, Omega_z at t = 0 over their true values, > 0; a law that learns nothing keeps them. 1.0: "
+        "off, no error.",
+        gt=0,
     )
     initial_rate: float | None = field(
         None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value.", unit="omega0"

@@ -11,7 +11,8 @@ from .disturbance import named_entries
 from .kinds import kinds_with
 from .scenario import Scenario
 from .table import toml_value
-from .to_core import natural_frequencies, reference_reach
+from .to_core import natural_frequencies, nominal, reference_reach
+from .volts_core import plant_at_bias
 
 STEPS_PER_PERIOD = 20  # for the fastest resonance: fewer are a coarse sampling of the motion
 EARLY = 0.1  # share of a run
@@ -24,8 +25,77 @@ def suspicious(scenario: Scenario) -> Iterator[str]:
     yield from _step(scenario)
     yield from _limits(scenario)
     yield from _tables(scenario)
+    yield from _laws(scenario)
+    yield from _scale(scenario)
     if scenario.run.duration < STEADY:
         yield f"run.duration is {scenario.run.duration:g}: metrics of the steady window need more than {STEADY:g}"
+
+
+def _laws(scenario: Scenario) -> Iterator[str]:
+    """Fields that are allowed and at which a law or a trim does not do its work."""
+    c, trim, plant, run = scenario.controller, scenario.trim, scenario.plant, scenario.run
+
+    def has(name: str) -> bool:
+        return c.kind in kinds_with(f"controller.{name}")
+
+    if has("rebalance_bandwidth") and c.demodulation_bandwidth < 5 * c.rebalance_bandwidth:
+        yield (
+            f"controller.demodulation_bandwidth is {c.demodulation_bandwidth:g}: below 5 times rebalance_bandwidth, "
+            f"which is {c.rebalance_bandwidth:g}, the loop that holds y may ring or diverge"
+        )
+    if has("quadrature_bandwidth") and c.quadrature_bandwidth > 0.05:
+        yield (
+            f"controller.quadrature_bandwidth is {c.quadrature_bandwidth:g}: above 0.05 the loop that keeps the "
+            "vibration a line may diverge"
+        )
+    if has("reversal_turns") and c.reversal_turns % 0.5:
+        yield (
+            f"controller.reversal_turns is {c.reversal_turns:g}: only over a multiple of 0.5 the drift by the dampers "
+            "averages out"
+        )
+    if c.kind == "virtual_rotation" and not c.virtual_rate:
+        yield "controller.virtual_rate is 0.0: the vibration is not turned, as with controller.kind whole_angle"
+    if has("reversal_interval") and c.settling_time >= c.reversal_interval:
+        yield (
+            f"controller.settling_time is {c.settling_time:g}: reversal_interval is {c.reversal_interval:g}, so that "
+            "the rate is never read"
+        )
+    if any(plant.transverse_rate) and not plant.centrifugal:
+        yield f"plant.transverse_rate is {toml_value(plant.transverse_rate)}: without plant.centrifugal it does not act"
+    if trim.on:
+        if trim.interval > run.duration * plant.scales.time:
+            yield (
+                f"trim.interval is {trim.interval:g} s: the run ends after {run.duration * plant.scales.time:.3g} s, "
+                "before a voltage is adjusted"
+            )
+        read = c.output_bandwidth * plant.scales.rate / math.tau if has("output_bandwidth") else 0.0
+        if trim.frequency < read:
+            yield (
+                f"trim.frequency is {trim.frequency:g} Hz: controller.output_bandwidth is {read:.4g} Hz, so that the "
+                "tone is in the rate"
+            )
+
+
+def _scale(scenario: Scenario) -> Iterator[str]:
+    """Open loop divides by the split of the modes that it is told."""
+    if scenario.controller.kind != "open_loop":
+        return
+    told, trim = nominal(scenario), scenario.trim
+    damping, stiffness, *_ = plant_at_bias(scenario).nondimensional()
+    square, held = float(stiffness[0]), float(stiffness[2])
+    if trim.tuning == "split":
+        held = float(told["initial_stiffness"][2])
+
+    def per_motion(d: float, k: float) -> complex:
+        return complex(d / 2, (square - k) / (2 * math.sqrt(square)))
+
+    told_force = per_motion(float(told["initial_damping"][2]), float(told["initial_stiffness"][2]))
+    factor = (told_force / per_motion(float(damping[2]), held)).real
+    if abs(factor - 1) > 0.01:
+        yield (
+            f"adaptation.initial_ratio is {scenario.adaptation.initial_ratio:g}: open_loop reads the rate by the split "
+            f"of the modes that it is told, and gives {factor:.3g} times the rate; 1.0 tells it the plant"
+        )
 
 
 def _tables(scenario: Scenario) -> Iterator[str]:

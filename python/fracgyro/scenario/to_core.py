@@ -64,7 +64,7 @@ def core_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, 
     tables["datasheet"] = dict(datasheet(scenario, found))
     tables["plant"] = _plant(scenario)
     tables["disturbance"] = found.disturbance
-    tables["adaptation"] |= _nominal(scenario)
+    tables["adaptation"] |= nominal(scenario)
     tables["run"]["steps"] = scenario.run.steps
     return core_values(numbers(scenario.controller.kind), tables)
 
@@ -75,15 +75,19 @@ def device_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str
     return core_values(DEVICE_NUMBERS, {"rate": rate_values(scenario), "device": device})
 
 
-def _nominal(scenario: Scenario) -> dict[str, Any]:
+def nominal(scenario: Scenario) -> dict[str, Any]:
     """The plant as the controller knows it at first. With known parameters, eqs (20) and (34), the true one."""
     c, a = scenario.controller, scenario.adaptation
     adaptive = getattr(c, "adaptive", True)
     damping, stiffness, rate, _, _ = plant_at_bias(scenario).nondimensional()
     ratio = a.initial_ratio if adaptive else 1.0
+    told = ratio * stiffness
+    if c.kind == "open_loop" and scenario.trim.tuning == "split":  # its scale factor is that of the split that is held
+        split = math.tau * scenario.trim.target * scenario.plant.scales.time
+        told[2] = (math.sqrt(stiffness[0]) + split) ** 2
     return {
         "initial_damping": ratio * damping,
-        "initial_stiffness": ratio * stiffness,
+        "initial_stiffness": told,
         "initial_rate": ratio * rate if a.initial_rate is None or not adaptive else a.initial_rate,
     }
 

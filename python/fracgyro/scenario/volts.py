@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import BeforeValidator, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..arguments import short
 from .kinds import ELECTRODE_NUMBERS, ELECTRONICS_NUMBERS, TRIM_NUMBERS, listed_fields
 from .table import Table, field, message_error, toml_value
 
@@ -62,7 +63,12 @@ class Electrodes(Table):
     @model_validator(mode="before")
     @classmethod
     def _list(cls, values: Any) -> Any:
-        return {"each": values} if isinstance(values, list | tuple) else values
+        if isinstance(values, list | tuple):
+            return {"each": values}
+        if isinstance(values, Electrodes) or (isinstance(values, dict) and not set(values) - {"each"}):
+            return values
+        given = "one table" if isinstance(values, dict) else short(values)
+        raise message_error(f"electrodes is {given}: it must be a list of tables, each headed [[electrodes]]")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -83,9 +89,17 @@ class Electrodes(Table):
                 raise message_error(
                     f"{name}.noise is {toml_value(one.noise)}: it must be 0.0 for role {one.role}, without driver"
                 )
+            if one.bits and one.role != "force":
+                raise message_error(
+                    f"{name}.bits is {one.bits}: it must be 0 for role {one.role}, without a converter of its own"
+                )
             if one.bits and not math.isfinite(one.range):
                 raise message_error(
                     f"{name}.bits is {one.bits} and {name}.range is inf: a converter must have a finite range"
+                )
+            if abs(one.angle) > math.tau:
+                raise message_error(
+                    f"{name}.angle is {toml_value(one.angle)}: it is in rad, and its magnitude must be at most 2 pi"
                 )
             if one.role == "force" and not one.bias:
                 raise message_error(

@@ -5,9 +5,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .kinds import PLANT_KINDS, SINE_DRIVES, kinds_with, reports
+import numpy as np
+
+from .. import _core
+from .kinds import PLANT_KINDS, SINE_DRIVES, TWO_SINE_DRIVES, kinds_with, reports
 from .table import message_error, toml_value
-from .volts_core import IDEAL_ELECTRONICS, NO_ELECTRODES, at_bias, has_volts, plant_at_bias
+from .volts_core import (
+    IDEAL_ELECTRONICS,
+    IDEAL_NUMBERS,
+    NO_ELECTRODES,
+    at_bias,
+    electrode_numbers,
+    has_volts,
+    plant_at_bias,
+)
 
 
 def check_volts(scenario: Any) -> None:
@@ -23,12 +34,41 @@ def check_volts(scenario: Any) -> None:
         return
     _check_tables(scenario)
     _check_electronics(scenario)
+    _check_overlaps(scenario)
     least = plant_at_bias(scenario).effective_stiffness().smallest_eigenvalue()
     if not least > 0:
+        softest, one = max(scenario.electrodes.named(), key=lambda each: _softening(each[1]))
         raise message_error(
             f"electrodes soften plant.stiffness to a smallest eigenvalue of {least:.6g} N/m: it must be positive, as "
-            "a mass without springs pulls in; lower a bias"
+            f"a mass without springs pulls in; {softest} softens most, by {_softening(one):.6g} N/m at a bias of "
+            f"{one.bias:g} V"
         )
+
+
+def _softening(electrode: Any) -> float:
+    """The most that it takes from a stiffness, N/m; infinite if it overflows."""
+    found = float(np.abs(_core.at_bias(IDEAL_NUMBERS, [electrode_numbers(electrode)], (1.0, 1.0))[0]).max())
+    return found if math.isfinite(found) else math.inf
+
+
+def _check_overlaps(scenario: Any) -> None:
+    """A comb whose fingers part has no capacitance that is linear in the motion."""
+    kind, reference = scenario.controller.kind, scenario.reference
+    x, y = (
+        (abs(amplitude) + abs(offset)) * scenario.plant.reference_length if of == "sine" else 0.0
+        for of, amplitude, offset in zip(reference.kinds, reference.amplitude, reference.offset, strict=True)
+    )
+    if _turns(kind):
+        y = x
+    elif kind in SINE_DRIVES and kind not in TWO_SINE_DRIVES:  # y is at rest or swings freely
+        y = 0.0
+    for name, one in scenario.electrodes.named():
+        along = abs(one.axis[0]) * x + abs(one.axis[1]) * y
+        if one.kind == "comb" and one.overlap <= along:
+            raise message_error(
+                f"{name}.overlap is {toml_value(one.overlap)}: it must be greater than the motion along the comb, by "
+                f"which its fingers part; the reference moves {along:.6g} m"
+            )
 
 
 def _check_tables(scenario: Any) -> None:
@@ -37,6 +77,11 @@ def _check_tables(scenario: Any) -> None:
     if plant.kind != PLANT_KINDS[0]:
         raise message_error(f"plant.kind is {toml_value(plant.kind)}: it must be {PLANT_KINDS[0]} with {table}")
     pickoffs = scenario.electrodes.of("pickoff")
+    if electronics.amplifier != "ideal" and not pickoffs:
+        raise message_error(
+            f"electronics.amplifier is {toml_value(electronics.amplifier)}: it must be ideal without electrodes of "
+            "role pickoff"
+        )
     if device.sensing != "position" and (pickoffs or electronics != IDEAL_ELECTRONICS):
         said = "electrodes of role pickoff" if pickoffs else "electronics"
         raise message_error(
@@ -50,6 +95,11 @@ def _check_tables(scenario: Any) -> None:
                     "which the noise follows"
                 )
     for name, one in scenario.electrodes.named():
+        if one.bits and device.actuator_bits:
+            raise message_error(
+                f"device.actuator_bits is {device.actuator_bits}: it must be 0 with {name}.bits, which is the "
+                f"converter, of {one.bits} bits"
+            )
         if one.role == "pickoff" and not one.bias and not electronics.carrier_voltage:
             raise message_error(f"{name}.bias is 0.0: a pick-off must have a bias or electronics.carrier_voltage")
 
@@ -65,11 +115,12 @@ def _check_trim(scenario: Any) -> None:
             f"tone; there are {len(quadrature)}"
         )
     if trim.tuning != "fixed":
-        tuning = [one for one in scenario.electrodes.of("tuning") if one.kind == "plate" and not one.axis[0]]
-        if len(tuning) != 1 or len(scenario.electrodes.of("tuning")) != 1:
+        tuning = scenario.electrodes.of("tuning")
+        along = sum(one.kind == "plate" and not one.axis[0] for one in tuning)
+        if (len(tuning), along) != (1, 1):
             raise message_error(
-                f"{on}: it needs one electrode of role tuning, plates along y; there are {len(tuning)} of "
-                f"{len(scenario.electrodes.of('tuning'))}"
+                f"{on}: it needs one electrode of role tuning, plates along y; there are {len(tuning)}"
+                + (f", and {along} of them are plates along y" if tuning else "")
             )
     kind, reference = scenario.controller.kind, scenario.reference
     decay = 2 * scenario.plant.mass / scenario.plant.damping.yy
@@ -78,7 +129,7 @@ def _check_trim(scenario: Any) -> None:
             f"trim.interval is {toml_value(trim.interval)}: with controller.kind open_loop, which leaves y to ring, it "
             f"must be at least 5 times its decay, {5 * decay:.6g} s"
         )
-    if any(channel.name == "pattern_angle" for channels in reports(kind) for channel in channels):
+    if _turns(kind):
         raise message_error(f"{on}: it must be fixed with controller.kind {kind}, whose vibration leaves x")
     if reference.kinds[0] != "sine" or reference.offset[0] or not reference.amplitude[0]:
         raise message_error(f"{on}: it needs a reference of kind sine on x, without offset and with an amplitude")
@@ -104,6 +155,11 @@ def _check_trim(scenario: Any) -> None:
             f"trim.target is {toml_value(trim.target)}: its magnitude must be less than trim.frequency, which is "
             f"{toml_value(trim.frequency)}"
         )
+
+
+def _turns(kind: str) -> bool:
+    """True for laws whose vibration does not stay on x."""
+    return any(channel.name == "pattern_angle" for channels in reports(kind) for channel in channels)
 
 
 def _mixes(electrode: Any) -> float:
@@ -146,13 +202,20 @@ def _check_electronics(scenario: Any) -> None:
             "feedback_capacitance and a finite feedback_resistance, or a transimpedance amplifier, or what leaks would "
             "add up without end"
         )
+    if e.jitter >= step:
+        raise message_error(
+            f"electronics.jitter is {toml_value(e.jitter)}: it must be less than a step, which is {step:.6g} s"
+        )
+    k = plant_at_bias(scenario).effective_stiffness()
+    fastest = math.sqrt(max(k.xx, k.yy, 0.0) / scenario.plant.mass) / math.tau
+    if 0 < e.carrier_frequency <= 2 * fastest:
+        raise message_error(
+            f"electronics.carrier_frequency is {toml_value(e.carrier_frequency)}: it must be greater than twice the "
+            f"resonance that it carries, which is {fastest:.6g} Hz"
+        )
     if e.carrier_flicker and not e.carrier_frequency:
         raise message_error(
             f"electronics.carrier_flicker is {toml_value(e.carrier_flicker)}: it needs electronics.carrier_frequency"
-        )
-    if e.amplifier != "ideal" and not electrodes.of("pickoff"):
-        raise message_error(
-            f"electronics.amplifier is {toml_value(e.amplifier)}: it must be ideal without electrodes of role pickoff"
         )
     plates = [one for one in electrodes.of("force") if one.kind == "plate" and one.pair]
     if e.linearized and not plates:
