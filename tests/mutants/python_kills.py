@@ -61,6 +61,17 @@ TESTS: dict[str, list[str]] = {
         "test_the_bound_is_of_the_density_that_held_noise_has_and_the_start_does_not_matter",
         "test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_none",
     ],
+    "temperature": [
+        "test_errors_of_estimates_refer_to_the_warm_plant",
+        "test_errors_of_estimates_refer_to_the_plant_of_their_time",
+        "test_joint_is_given_the_fastest_drift_of_an_entry",
+    ],
+    "inspection": ["test_a_vibration_that_is_not_steady_and_covers_the_noise_is_named"],
+    "volts": [
+        "test_noise_of_the_amplifiers_and_steps_of_the_driver_are_told",
+        "test_an_acceleration_shifts_the_gaps_by_the_common_mode",
+    ],
+    "firmware": ["test_what_float_cannot_hold_is_refused"],
     "law_rate": ["test_the_bound_is_of_the_motion_that_the_controller_brings_about"],
     "reproduce": [
         "test_the_best_order_is_found_where_it_is",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from importlib import import_module
+from types import SimpleNamespace
+from typing import cast
 
 import allantools
 import fracgyro as fg
@@ -381,3 +383,9 @@ def test_records_of_any_kind_end_without_a_warning(kind: str) -> None:
     for term in (found.bias_instability, found.rate_random_walk, found.quantization):
         assert term.limit or term.low <= term.value <= term.high
     assert all(event.sentence.isprintable() for event in found.events)
+
+
+def test_fitted_averaging_times_are_within_half_periods_of_the_fitted_frequencies() -> None:
+    tau = 0.01 * 2.0 ** np.arange(13)
+    assert allan._fitted(cast(Fit, SimpleNamespace(frequency=(0.05, 50.0))), tau) == pytest.approx((0.01, 5.12))
+    assert allan._fitted(None, tau) is None

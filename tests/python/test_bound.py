@@ -282,5 +282,6 @@ def test_a_sum_of_sines_has_the_bound_of_its_lines_and_another_reference_none() 
         assert found is not None
         assert found.unknown == pytest.approx(expected.unknown, rel=1e-9)
     chirp = {"reference.kind": "chirp", "reference.end": 1e4, "reference.final_frequency": (1.1, 1.1)}
-    for changes in (chirp, {"reference.offset": (0.1, 0.0)}, {"reference.kind": "rest"}):
+    shifted = {"reference.kind": "sines", "reference.terms": [term], "reference.offset": (0.1, 0.0)}
+    for changes in (chirp, shifted, {"reference.offset": (0.1, 0.0)}, {"reference.kind": "rest"}):
         assert fg.rate.bound_angle_random_walk(scenario.replace(changes)) is None

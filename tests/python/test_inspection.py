@@ -146,6 +146,7 @@ def test_a_vibration_that_is_not_steady_and_covers_the_noise_is_named(phase: flo
     found = fg.rate.allan(noise() + DEG * np.sin(2 * np.pi * 1.234 * time + wandering), INTERVAL)
     spoiling = [event for event in found.events if event.kind == "vibration"]
     assert [event.spoils for event in spoiling] == [True]
+    assert (spoiling[0].time, spoiling[0].end) == (0.0, pytest.approx(SAMPLES * INTERVAL))
     assert spoiling[0].size == pytest.approx(DEG, rel=0.5)
     assert "an unsteady vibration of about" in spoiling[0].sentence
     assert found.angle_random_walk is None or not np.isfinite(found.angle_random_walk.high)

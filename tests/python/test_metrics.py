@@ -32,6 +32,11 @@ def test_a_run_measured_without_a_record_has_the_figures_of_its_record(units: st
             assert found[name].attrs == figure.attrs, name
 
 
+def test_a_run_is_measured_with_the_controller_that_is_given() -> None:
+    found = metrics.measured(PAPER, controller=lambda sample: (3.0, 4.0))
+    assert float(found["largest_force"]) == 4.0
+
+
 @pytest.mark.parametrize("units", ["nondimensional", "SI"])
 def test_what_the_controller_is_not_told_of_the_plant_is_missing_from_its_estimates(units: str) -> None:
     # The plant has 4 D, and the controller knows D: 3/4 are missing. It has 2 K, and K is known: 1/2.

@@ -134,6 +134,11 @@ def test_the_boundary_layer_is_the_one_that_is_named() -> None:
 # -- The guard
 
 
+def test_the_reference_reaches_its_amplitudes_and_at_most_their_speeds() -> None:
+    reference = {"reference.amplitude": (1.0, -0.5), "reference.frequency": (4.0, 8.0)}
+    assert to_core.reference_reach(ROUND.replace(reference)) == ((1.0, 0.5), (4.0, 4.0))
+
+
 def test_patience_is_a_32nd_of_the_shortest_period_and_at_least_4() -> None:
     assert guard({"run.step": 1e-3}).patience == 39  # 2π/5/32 = 0.03927
     assert guard({}).patience == 4

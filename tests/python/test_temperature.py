@@ -85,12 +85,29 @@ def test_errors_of_estimates_refer_to_the_warm_plant() -> None:
     assert float(fg.metrics.damping_error(run)[-1]) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("units", ["nondimensional", "SI"])
+def test_errors_of_estimates_refer_to_the_plant_of_their_time(units: str) -> None:
+    end = BASE.run.duration * BASE.plant.scales.time
+    ramp = {"device.temperature_points": [[0.0, 0.0], [end, 2.0]], "device.spring_drift": (500.0, 0.0)}
+    scenario = BASE.replace({**ramp, "run.units": units})
+    run, k = fg.simulate(scenario), scenario.plant.stiffness
+    middle = run.sizes["time"] // 2
+    truth = np.array([k.xx * (1 + 500e-6 * 2.0 * middle / (run.sizes["time"] - 1)), k.xy, k.yy])
+    unit = 1.0 if units == "SI" else scenario.plant.scales.stiffness
+    off, weights = run["stiffness_estimate"].values[middle] * unit - truth, np.array([1, 2, 1])
+    expected = np.sqrt((weights * off**2).sum() / (weights * truth**2).sum())
+    assert float(fg.metrics.stiffness_error(run)[middle]) == pytest.approx(expected, rel=1e-8)
+
+
 def test_joint_is_given_the_fastest_drift_of_an_entry() -> None:
     points = {"device.temperature_points": [[0.0, 0.0], [10.0, 2.0]]}
     from fracgyro.scenario.to_core import datasheet
 
     plain = BASE.replace({**points, "datasheet.stiffness_drift": None, "device.spring_drift": (0.0, -50.0)})
     assert datasheet(plain).stiffness_drift == pytest.approx(50e-6 * 0.2 * BASE.plant.scales.time)
+    for own in ((-30.0, 0.0), (0.0, -30.0)):
+        both = plain.replace({"device.spring_drift": own, "device.stiffness_drift": -20.0})
+        assert datasheet(both).stiffness_drift == pytest.approx(50e-6 * 0.2 * BASE.plant.scales.time)
 
 
 @pytest.mark.parametrize(
