@@ -16,6 +16,7 @@ from fracgyro.scenario.bounded import gain
 from fracgyro.scenario.messages import paths
 from fracgyro.scenario.shipped import NAMES
 from fracgyro.scenario.suspicious import suspicious
+from fracgyro.study.space import flat
 
 HARDWARE = Scenario.shipped("hardware")
 
@@ -156,6 +157,24 @@ def test_every_field_and_table_is_explained(path: str) -> None:
     found = ran("explain", path)
     assert found.exit_code == 0, found.output
     assert found.stdout.startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("name", ["electrodes[1].gap", "electrodes.gap"])
+def test_a_field_of_a_list_of_tables_is_explained(name: str) -> None:
+    lines = ran("explain", name).stdout.splitlines()
+    assert lines[0].startswith(f"{name}: ")
+    assert [line.split() for line in lines[1:3]] == [["unit", "m"], ["range", ">", "0"]]
+    assert (
+        ran("explain", "disturbance[1].seed").stdout.split(": ")[1]
+        == ran("explain", "disturbance.seed").stdout.split(": ")[1]
+    )
+
+
+def test_a_study_does_not_vary_a_field_of_a_list_of_tables() -> None:
+    with pytest.raises(
+        fg.ScenarioError, match=r"^electrodes\[1\]\.bias is a field of a list of tables, which cannot be"
+    ):
+        flat({"electrodes[1].bias": {"low": 1.0, "high": 2.0}})
 
 
 def test_explain_has_unit_range_default_and_kinds() -> None:

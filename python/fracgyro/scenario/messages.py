@@ -84,6 +84,8 @@ def unknown(path: str, model: type[BaseModel]) -> str:
     if not parent and not guesses:
         inner = {name.rpartition(".")[2]: name for name in known}
         guesses = [inner[name] for name in difflib.get_close_matches(leaf, inner)]
+    if guesses[:1] == [path]:
+        return f"{cut(path)} is a field of a list of tables, which cannot be varied by its name; give the lists"
     choice = (
         [name.rpartition(".")[2] for name in near.values()] if "[" in parent else near.values() or model.model_fields
     )

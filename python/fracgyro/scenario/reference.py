@@ -82,9 +82,11 @@ def explained(path: str) -> tuple[str, list[tuple[str, str]]]:
 
     Also the meaning of a channel or a metric of a run. Raises ScenarioError for another name, with the nearest field.
     """
+    path = re.sub(r"^(disturbance|electrodes)\[\d+\]\.", r"\1.", path)
     table, _, rest = path.partition(".")
     name, scenario = rest.partition(".")[0], Scenario()
-    if path not in paths(Scenario):
+    of_electrode = table == "electrodes" and rest in Electrode.model_fields
+    if path not in paths(Scenario) and not of_electrode:
         if found := _explained_result(path):
             return found
         results = {*_channels(), *_metrics()}
@@ -95,7 +97,7 @@ def explained(path: str) -> tuple[str, list[tuple[str, str]]]:
             raise ScenarioError(f"{path} is not a known field, channel or metric{near}")
         field = unknown(path, Scenario)
         raise ScenarioError(field if "did you mean" in field else f"{field}, and channels and metrics of runs")
-    model = getattr(scenario, table)
+    model = Electrode() if of_electrode else getattr(scenario, table)
     listed = type(model).model_json_schema()["properties"]
     if not name:
         meanings = [(f"{table}.{each}", said["description"]) for each, said in listed.items()]
