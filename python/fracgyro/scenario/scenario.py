@@ -370,7 +370,7 @@ def _entry(table: Any, name: str, place: int) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise ScenarioError(f"{name} and {name}[{place}] are both given: at most one of the two can be")
     table[field] = [dict(entry) for entry in table[field]]
-    entries = table[field] if name == "electrodes" else [table, *table[field]]
+    entries: list[dict[str, Any]] = table[field] if name == "electrodes" else [table, *table[field]]
     if place >= len(entries):
         count = f"{len(entries)} {'electrodes' if name == 'electrodes' else 'disturbances'}"
         raise ScenarioError(f"{name}[{place}] is not in the scenario: it has {count}, from 0 on")
