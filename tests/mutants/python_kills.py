@@ -8,6 +8,7 @@ once.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -120,12 +121,14 @@ def prepare(modules: list[str]) -> None:
         shutil.copyfile(path, FOLDER / "tests" / path.name)
     shutil.copytree(ROOT / "examples/scenarios", FOLDER / "examples/scenarios")
     files = [test for name in TESTS for test in selected("tests", name)]
+    options = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
     (FOLDER / "pyproject.toml").write_text(
         f"[tool.mutmut]\nsource_paths = {list(PACKAGES)}\nonly_mutate = {modules}\n"
         f"pytest_add_cli_args_test_selection = {files}\n"
         'pytest_add_cli_args = ["-p", "no:xdist", "-p", "no:cacheprovider", "--hypothesis-seed=0"]\n'
         "timeout_constant = 10.0\ntrack_dependencies = false\nuse_git_change_detection = false\n"
-        '[tool.pytest.ini_options]\nfilterwarnings = ["error"]\nmarkers = ["nightly"]\n',
+        '[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n'
+        f"markers = {json.dumps(options['markers'])}\n",
         encoding="utf-8",
     )
 

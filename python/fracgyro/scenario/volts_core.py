@@ -130,7 +130,7 @@ def bias_rows(scenario: Any) -> list[tuple[str, str]]:
     rows = [
         ("frequencies x, y", two([each / math.tau for each in omega], "Hz", 9)),
         ("softening xx, yy", two(at.softening[[0, 2]], "N/m")),
-        ("quadrature, kxy/(2 m omega x)", f"{math.degrees(k.xy / (2 * m * omega[0])):.6g} deg/s"),
+        ("quadrature", f"{math.degrees(k.xy / (2 * m * omega[0])):.6g} deg/s, as kxy/(2 m omega_x)"),
     ]
     if scenario.electrodes.of("force"):
         rows.append(("force per volt", two(at.gain[[0, 2]], "N/V")))
