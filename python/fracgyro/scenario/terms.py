@@ -18,6 +18,7 @@ from .schema import HOLD_TOLERANCE
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
 ADDED_STREAM = 16  # the first added entry's; smaller ones belong to the device and the rate
+NO_NOISE: dict[str, Any] = {"hold_steps": 1, "standard_deviation": 1.0}  # of what is no noise nothing is drawn
 SETTABLE = ("none", "noise", "sine")
 Columns = tuple[list[float], list[float], list[float]]
 
@@ -58,7 +59,7 @@ def first_part(scenario: Scenario) -> dict[str, Any]:
     found = {name: getattr(d, name) for name in ("amplitude", "frequency", "phase")}
     found["seed"] = scenario.disturbance.seed
     if not _is_first_part(scenario):
-        return found | {"kind": "none", "hold_steps": 1, "standard_deviation": 1.0}
+        return found | {"kind": "none", **NO_NOISE}
     return found | {"kind": d.kind, **_drawn(d, scenario.run.step)}
 
 
@@ -165,7 +166,7 @@ def _is_settable(entry: Entry) -> bool:
 def _drawn(entry: Entry, step: float) -> dict[str, Any]:
     """Hold and standard deviation of white noise."""
     if entry.kind != "noise" or entry.band is not None:
-        return {"hold_steps": 1, "standard_deviation": 1.0}
+        return NO_NOISE
     hold = step if entry.hold is None else entry.hold
     # White noise of density S, held for h, has variance S/h.
     deviation = math.sqrt(entry.density / hold) if entry.density is not None else entry.standard_deviation
@@ -205,7 +206,7 @@ def _largest(entry: Entry, step: float) -> float:
         return MAX_DEVIATIONS * float(_drawn(entry, step)["standard_deviation"])
     if entry.kind == "table":
         return max(abs(value) for _, *values in entry.points or () for value in values)
-    return max(map(abs, entry.amplitude or (0.0,))) if entry.kind != "none" else 0.0
+    return max(map(abs, entry.amplitude)) if entry.kind != "none" and entry.amplitude else 0.0
 
 
 def named_terms(scenario: Scenario) -> Iterator[dict[str, Any]]:

@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import _core
 from ..fractional.kernel import core_kernel
@@ -268,11 +269,11 @@ def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -
 def check_single(scenario: Scenario) -> None:
     """Raises ValueError, in one sentence, where single precision cannot hold what the controller is computed with."""
     exact, lost = _lost_in_single(core_setup(scenario))
-    if not lost:
+    if not lost.size:
         return
     found = core_numbers(scenario)
     for name in sorted(found, key=lambda name: -abs(math.log(abs(found[name]) or 1.0))):
-        if len(_lost_in_single(core_setup(scenario, {name: 1.0}))[1]) < len(lost):
+        if len(_lost_in_single(core_setup(scenario, {name: 1.0}))[1]) < lost.size:
             raise ValueError(
                 f"{name} is {found[name]:g}, nondimensional: it makes a coefficient of {exact[lost[0]]:.1e}, and "
                 "single precision holds none beyond 3.4e38; use double"
@@ -283,11 +284,10 @@ def check_single(scenario: Scenario) -> None:
     )
 
 
-def _lost_in_single(setup: _core.DeviceSetup) -> tuple[list[float], list[int]]:
+def _lost_in_single(setup: _core.DeviceSetup) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """The coefficients, and the places of those that single precision cannot hold."""
-    exact, single = (list(_flat(_core.coefficients(setup, single))) for single in (False, True))
-    pairs = enumerate(zip(exact, single, strict=True))
-    return exact, [k for k, (a, b) in pairs if math.isfinite(a) and not math.isfinite(b)]
+    exact, single = (np.array([*_flat(_core.coefficients(setup, single))]) for single in (False, True))
+    return exact, np.flatnonzero(np.isfinite(exact) & ~np.isfinite(single))
 
 
 def _flat(nested: Any) -> Iterator[float]:
