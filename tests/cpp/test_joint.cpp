@@ -571,7 +571,7 @@ TEST(Joint, AMotionThatWasLostIsFoundWithTheEstimatesBefore) {
     EXPECT_EQ(filter.plant[1], before[1]);
 }
 
-// The motion is as unknown as at the start, and what is known of the plant stays.
+// The motion is as unknown as at the start, and the estimates of the plant stay.
 TEST(Joint, ASampleThatShowsALateForceMakesTheMotionUnknown) {
     Loop<Both<double>> loop(finely_sensed());
     loop.run(2000);

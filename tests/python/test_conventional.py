@@ -59,11 +59,11 @@ def test_the_angle_random_walk_is_the_bound_of_one_axis(
 
 
 @pytest.mark.parametrize("ratio", [0.95, 0.999])
-def test_open_loop_reads_the_rate_by_the_split_that_it_is_told_and_the_check_says_so(ratio: float) -> None:
+def test_open_loop_scales_the_rate_by_the_nominal_split_and_the_check_says_so(ratio: float) -> None:
     quiet = {"disturbance": {"kind": "none"}, "plant.angular_rate": 0.1, "run.duration": 2e4, "run.record_every": 100}
     scenario = DUAL_MASS.replace({**OPEN, **quiet, "adaptation.initial_ratio": ratio})
     (said,) = suspicious(scenario)
-    stated = float(re.findall(r"gives (\S+) times the rate; 1.0 tells it the plant$", said)[0])
+    stated = float(re.findall(r"gives (\S+) times the rate; with 1.0 it knows the plant$", said)[0])
     rate = float(fg.simulate(scenario)["rate_estimate"][-100:].mean())
     assert stated == pytest.approx({0.95: -0.876, 0.999: 0.962}[ratio], abs=0.001)
     assert rate * OMEGA / 0.1 == pytest.approx(stated, abs=0.005)

@@ -21,7 +21,7 @@ def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for title in titles:
         table.add_column(Text(title))
     for row in rows:
-        table.add_row(*map(Text, row))  # as they are: rich takes [device] in a string for a style
+        table.add_row(*map(Text, row))  # rich takes [device] in a string for a style
     Console(soft_wrap=True, width=MAX_WIDTH).print(table)
 
 

@@ -191,7 +191,7 @@ def _estimate(
 
 
 def _spoiled(record: Allan) -> str:
-    """Why a figure stands alone: the first event that is no noise, and how many more there are."""
+    """Reason for a figure without an interval: the first event that spoils it, and how many follow."""
     first, *others = (each.sentence for each in record.events if each.spoils)
     return f"no interval or grade: {first}" + (f"; and {len(others)} more" if others else "")
 

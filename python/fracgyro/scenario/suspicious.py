@@ -77,24 +77,24 @@ def _laws(scenario: Scenario) -> Iterator[str]:
 
 
 def _scale(scenario: Scenario) -> Iterator[str]:
-    """Open loop divides by the split of the modes that it is told."""
+    """Open loop scales the rate by the nominal split of the modes."""
     if scenario.controller.kind != "open_loop":
         return
-    told, trim = nominal(scenario), scenario.trim
+    known, trim = nominal(scenario), scenario.trim
     damping, stiffness, *_ = plant_at_bias(scenario).nondimensional()
     square, held = float(stiffness[0]), float(stiffness[2])
     if trim.tuning == "split":
-        held = float(told["initial_stiffness"][2])
+        held = float(known["initial_stiffness"][2])
 
     def per_motion(d: float, k: float) -> complex:
         return complex(d / 2, (square - k) / (2 * math.sqrt(square)))
 
-    told_force = per_motion(float(told["initial_damping"][2]), float(told["initial_stiffness"][2]))
-    factor = (told_force / per_motion(float(damping[2]), held)).real
+    expected = per_motion(float(known["initial_damping"][2]), float(known["initial_stiffness"][2]))
+    factor = (expected / per_motion(float(damping[2]), held)).real
     if abs(factor - 1) > 0.01:
         yield (
-            f"adaptation.initial_ratio is {scenario.adaptation.initial_ratio:g}: open_loop reads the rate by the split "
-            f"of the modes that it is told, and gives {factor:.3g} times the rate; 1.0 tells it the plant"
+            f"adaptation.initial_ratio is {scenario.adaptation.initial_ratio:g}: open_loop scales the rate by the "
+            f"nominal split of the modes, and gives {factor:.3g} times the rate; with 1.0 it knows the plant"
         )
 
 

@@ -18,7 +18,7 @@ from .schema import HOLD_TOLERANCE
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
 ADDED_STREAM = 16  # the first added entry's; smaller ones belong to the device and the rate
-NO_NOISE: dict[str, Any] = {"hold_steps": 1, "standard_deviation": 1.0}  # of what is no noise nothing is drawn
+NO_NOISE: dict[str, Any] = {"hold_steps": 1, "standard_deviation": 1.0}  # for other kinds, which draw nothing
 SETTABLE = ("none", "noise", "sine")
 Columns = tuple[list[float], list[float], list[float]]
 
