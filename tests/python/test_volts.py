@@ -150,6 +150,11 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
         "electrodes[0].overlap is 1e-06: it must be greater",
     ),
     (
+        "parted skewed",
+        {"electrodes": [combs("quadrature", 0.0, kind="skewed", overlap=1e-6)]},
+        "electrodes[0].overlap is 1e-06: it must be greater",
+    ),
+    (
         "slow carrier",
         {"electrodes": VOLTS, "electronics.carrier_frequency": 5e3, "electronics.carrier_voltage": 1.0},
         "electronics.carrier_frequency is 5000.0: it must be greater than twice the resonance",

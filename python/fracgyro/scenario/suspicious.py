@@ -81,20 +81,26 @@ def _scale(scenario: Scenario) -> Iterator[str]:
     if scenario.controller.kind != "open_loop":
         return
     known, trim = nominal(scenario), scenario.trim
-    damping, stiffness, *_ = plant_at_bias(scenario).nondimensional()
-    square, held = float(stiffness[0]), float(stiffness[2])
+    damping, stiffness, _, more_damping, more_stiffness = plant_at_bias(scenario).nondimensional()
+    square, held = float(stiffness[0] + more_stiffness[0]), float(stiffness[2] + more_stiffness[2])
+    if not square > 0:
+        return
     if trim.tuning == "split":
-        held = float(known["initial_stiffness"][2])
+        held = (math.sqrt(square) + math.tau * trim.target * scenario.plant.scales.time) ** 2
 
     def per_motion(d: float, k: float) -> complex:
         return complex(d / 2, (square - k) / (2 * math.sqrt(square)))
 
     expected = per_motion(float(known["initial_damping"][2]), float(known["initial_stiffness"][2]))
-    factor = (expected / per_motion(float(damping[2]), held)).real
+    actual = per_motion(float(damping[2] + more_damping[2]), held)
+    factor = (expected / actual).real if actual else math.inf
     if abs(factor - 1) > 0.01:
+        unknown = any(more_stiffness) or any(more_damping)
         yield (
-            f"adaptation.initial_ratio is {scenario.adaptation.initial_ratio:g}: open_loop scales the rate by the "
-            f"nominal split of the modes, and gives {factor:.3g} times the rate; with 1.0 it knows the plant"
+            f"adaptation.initial_ratio is {scenario.adaptation.initial_ratio:g}"
+            + (" and the plant has a deviation that no controller knows" if unknown else "")
+            + ": open_loop scales the rate by the nominal split of the modes, and gives "
+            f"{factor:.3g} times the rate"
         )
 
 

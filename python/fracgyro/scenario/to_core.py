@@ -82,13 +82,13 @@ def nominal(scenario: Scenario) -> dict[str, Any]:
     adaptive = getattr(c, "adaptive", True)
     damping, stiffness, rate, _, _ = plant_at_bias(scenario).nondimensional()
     ratio = a.initial_ratio if adaptive else 1.0
-    told = ratio * stiffness
+    known = ratio * stiffness
     if c.kind == "open_loop" and scenario.trim.tuning == "split":  # its scale factor is that of the split that is held
         split = math.tau * scenario.trim.target * scenario.plant.scales.time
-        told[2] = (math.sqrt(stiffness[0]) + split) ** 2
+        known[2] = (math.sqrt(stiffness[0]) + split) ** 2
     return {
         "initial_damping": ratio * damping,
-        "initial_stiffness": told,
+        "initial_stiffness": known,
         "initial_rate": ratio * rate if a.initial_rate is None or not adaptive else a.initial_rate,
     }
 

@@ -55,7 +55,7 @@ def _check_overlaps(scenario: Any) -> None:
     """A comb whose fingers part has no capacitance that is linear in the motion."""
     kind, reference = scenario.controller.kind, scenario.reference
     x, y = (
-        (abs(amplitude) + abs(offset)) * scenario.plant.reference_length if of == "sine" else 0.0
+        (abs(amplitude) + abs(offset)) * scenario.plant.reference_length if of in ("sine", "chirp") else 0.0
         for of, amplitude, offset in zip(reference.kinds, reference.amplitude, reference.offset, strict=True)
     )
     if _turns(kind):
@@ -64,7 +64,7 @@ def _check_overlaps(scenario: Any) -> None:
         y = 0.0
     for name, one in scenario.electrodes.named():
         along = abs(one.axis[0]) * x + abs(one.axis[1]) * y
-        if one.kind == "comb" and one.overlap <= along:
+        if one.kind != "plate" and one.overlap <= along:
             raise message_error(
                 f"{name}.overlap is {toml_value(one.overlap)}: it must be greater than the motion along the comb, by "
                 f"which its fingers part; the reference moves {along:.6g} m"
